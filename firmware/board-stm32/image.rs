@@ -32,11 +32,7 @@ fn version() -> String {
         return version;
     };
     let changed = git(&["status", "--porcelain", "--untracked-files=no"]);
-    let mark = if changed.is_some_and(|files| !files.is_empty()) {
-        "+"
-    } else {
-        ""
-    };
+    let mark = if changed.is_some_and(|files| !files.is_empty()) { "+" } else { "" };
     format!("{version} {commit}{mark}")
 }
 

@@ -40,9 +40,7 @@ pub async fn acquire(
             Some(Order::Stop) => running = None,
             Some(Order::SelfTest) => {
                 running = None;
-                converter
-                    .self_test(|| shared.progress.mark_acquired())
-                    .await;
+                converter.self_test(|| shared.progress.mark_acquired()).await;
                 publish_self_test_result(&converter, shared);
                 publish_status(&converter, shared);
             }
@@ -109,12 +107,7 @@ struct Running {
 
 impl Running {
     const fn new(run: Run) -> Self {
-        Self {
-            start: Some(run),
-            samples: 0,
-            steps: 0,
-            lost: Marks::NONE,
-        }
+        Self { start: Some(run), samples: 0, steps: 0, lost: Marks::NONE }
     }
 
     /// Queues a sample and its step for the encoder; if the queue is full, counts an overrun.

@@ -23,10 +23,7 @@ pub struct Conversion {
 }
 
 /// A board's analogue-to-digital converters, which sample all channels together.
-#[expect(
-    async_fn_in_trait,
-    reason = "an executor of one priority polls it; it need not be Send"
-)]
+#[expect(async_fn_in_trait, reason = "an executor of one priority polls it; it need not be Send")]
 pub trait Converter {
     /// Waits for the next sample and writes its counts to `sample`. Counts that the converter could
     /// not deliver keep their values from the previous sample.

@@ -3,10 +3,7 @@
 //!
 //! The board's memory map provides three symbols. `_kept` is the start of memory that neither the
 //! linker nor the start-up code uses; `_stack_start` and `_stack_end` are the bounds of the stack.
-#![expect(
-    unsafe_code,
-    reason = "symbols of the memory map, and memory that nothing initialises"
-)]
+#![expect(unsafe_code, reason = "symbols of the memory map, and memory that nothing initialises")]
 
 use core::{cell::UnsafeCell, mem::MaybeUninit};
 

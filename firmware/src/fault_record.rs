@@ -56,10 +56,7 @@ impl FaultRecord {
     }
 
     fn new(reason: u32, description: &dyn fmt::Display) -> Self {
-        let mut text = Text {
-            bytes: [0; TEXT_BYTES],
-            length: 0,
-        };
+        let mut text = Text { bytes: [0; TEXT_BYTES], length: 0 };
         // `Text` never returns an error; it drops the bytes that do not fit.
         let _ = write!(text, "{description}");
         let mut record = Self {
@@ -80,9 +77,7 @@ impl FaultRecord {
 
     /// Returns the record's text, without an incomplete last character.
     pub fn text(&self) -> &str {
-        let length = usize::try_from(self.length)
-            .unwrap_or(TEXT_BYTES)
-            .min(TEXT_BYTES);
+        let length = usize::try_from(self.length).unwrap_or(TEXT_BYTES).min(TEXT_BYTES);
         let text = &self.text[..length];
         match core::str::from_utf8(text) {
             Ok(text) => text,
@@ -111,15 +106,10 @@ impl FaultRecord {
     /// flash.
     #[inline(never)]
     fn compute_checksum(&self) -> u32 {
-        let words = [
-            self.magic.to_le_bytes(),
-            self.reason.to_le_bytes(),
-            self.length.to_le_bytes(),
-        ];
+        let words =
+            [self.magic.to_le_bytes(), self.reason.to_le_bytes(), self.length.to_le_bytes()];
         let bytes = words.as_flattened().iter().chain(&self.text);
-        bytes.fold(0x811c_9dc5, |sum, &byte| {
-            (sum ^ u32::from(byte)).wrapping_mul(0x0100_0193)
-        })
+        bytes.fold(0x811c_9dc5, |sum, &byte| (sum ^ u32::from(byte)).wrapping_mul(0x0100_0193))
     }
 }
 
@@ -152,11 +142,7 @@ pub fn start_fault(
     let model = if model_is_sound { "" } else { MODEL_DAMAGED };
     let previous = previous.map_or("", FaultRecord::text);
     let between = |before: &str, after: &str| {
-        if before.is_empty() || after.is_empty() {
-            ""
-        } else {
-            "; "
-        }
+        if before.is_empty() || after.is_empty() { "" } else { "; " }
     };
     let rest = if board.is_empty() { previous } else { board };
     fault_text(format_args!(
@@ -181,10 +167,7 @@ mod tests {
         let mut damaged = record;
         damaged.text[3] ^= 1;
         assert!(!damaged.is_valid());
-        assert_eq!(
-            FaultRecord::from_hang("encode").reset_cause(),
-            ResetCause::Watchdog
-        );
+        assert_eq!(FaultRecord::from_hang("encode").reset_cause(), ResetCause::Watchdog);
         for (into, bootloader) in [(ResetInto::Firmware, false), (ResetInto::Bootloader, true)] {
             let restart = FaultRecord::from_restart(into);
             assert!(restart.is_valid() && restart.text().is_empty());
@@ -208,10 +191,7 @@ mod tests {
         assert_eq!(start_fault(true, "", None), "");
         assert_eq!(start_fault(true, "", previous), "panicked");
         assert_eq!(start_fault(true, "no clock", None), "no clock");
-        assert_eq!(
-            start_fault(true, "no clock", previous),
-            "no clock; panicked"
-        );
+        assert_eq!(start_fault(true, "no clock", previous), "no clock; panicked");
         assert_eq!(start_fault(false, "", None), MODEL_DAMAGED);
         let all = start_fault(false, "no clock", previous);
         assert!(all.starts_with(MODEL_DAMAGED) && all.ends_with("; no clock; panicked"));

@@ -35,13 +35,7 @@ impl Inputs {
     pub fn push_event(&self, kind: EventKind, at_us: u64) {
         let number = self.number.fetch_add(1, Relaxed);
         // If the queue is full, the number stays used: the gap in the numbers shows the loss.
-        let _ = self.with_queue(|queue| {
-            queue.push_back(CapturedEvent {
-                kind,
-                number,
-                at_us,
-            })
-        });
+        let _ = self.with_queue(|queue| queue.push_back(CapturedEvent { kind, number, at_us }));
     }
 
     /// Skips `events` event numbers, for events that were not captured.

@@ -41,11 +41,7 @@ pub struct TaskMemory<E: 'static> {
     pub acquire: (SampleSender, &'static mut Acquisition),
     /// Receiving end of the sample queue, sending end of the output queue, and the producer, for
     /// [`encode`](fn@crate::encode).
-    pub encode: (
-        SampleReceiver,
-        OutputSender,
-        &'static mut Producer<&'static mut E>,
-    ),
+    pub encode: (SampleReceiver, OutputSender, &'static mut Producer<&'static mut E>),
     /// Frames, and the receiving end of the output queue, for [`converse`](fn@crate::converse).
     pub converse: (&'static mut Frames, OutputReceiver),
 }
@@ -86,10 +82,8 @@ impl<E: Encoders + 'static> Memory<E> {
         let outputs = Channel::new(self.outputs.init_with(|| [OutputSlot::EMPTY; _]));
         let bulk =
             Channel::new((self.bulk).init_with(|| core::array::from_fn(|_| BulkSlot::empty())));
-        let (output_sender, output_receiver) = output_queue(
-            self.output_channel.init(outputs),
-            self.bulk_channel.init(bulk),
-        );
+        let (output_sender, output_receiver) =
+            output_queue(self.output_channel.init(outputs), self.bulk_channel.init(bulk));
         let acquisition = (self.acquisition).init_with(|| Acquisition::new(Mains::default()));
         let producer = (self.producer).init_with(|| Producer::new(self.encoders.take()));
         TaskMemory {

@@ -96,17 +96,11 @@ mod tests {
         let progress = Progress::new();
         let start = progress.snapshot();
         progress.mark_acquired();
-        assert!(
-            !progress.snapshot().all_moved_since(start),
-            "no conversation"
-        );
+        assert!(!progress.snapshot().all_moved_since(start), "no conversation");
         progress.mark_conversed();
         assert!(progress.snapshot().all_moved_since(start));
         progress.mark_handed_over();
-        assert!(
-            !progress.snapshot().all_moved_since(start),
-            "the encoder hangs"
-        );
+        assert!(!progress.snapshot().all_moved_since(start), "the encoder hangs");
         progress.mark_encoded();
         assert!(progress.snapshot().all_moved_since(start));
     }

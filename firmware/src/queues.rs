@@ -75,12 +75,7 @@ pub enum BulkSlot {
 
 impl OutputSlot {
     /// Slot that has not been used yet.
-    pub const EMPTY: Self = Self {
-        run: 0,
-        at_us: 0,
-        content: Content::Bulk,
-        queued_ticks: 0,
-    };
+    pub const EMPTY: Self = Self { run: 0, at_us: 0, content: Content::Bulk, queued_ticks: 0 };
 }
 
 impl BulkSlot {
@@ -123,15 +118,8 @@ pub fn output_queue(
 ) -> (OutputSender, OutputReceiver) {
     let (slots_in, slots_out) = slots.split();
     let (bulk_in, bulk_out) = bulk.split();
-    let sender = OutputSender {
-        slots: slots_in,
-        bulk: bulk_in,
-    };
-    let receiver = OutputReceiver {
-        slots: slots_out,
-        bulk: bulk_out,
-        is_bulk: false,
-    };
+    let sender = OutputSender { slots: slots_in, bulk: bulk_in };
+    let receiver = OutputReceiver { slots: slots_out, bulk: bulk_out, is_bulk: false };
     (sender, receiver)
 }
 
@@ -173,12 +161,7 @@ impl OutputSender {
                 Content::Bulk
             }
         };
-        *slot = OutputSlot {
-            run: output.run,
-            at_us: output.at_us,
-            content,
-            queued_ticks,
-        };
+        *slot = OutputSlot { run: output.run, at_us: output.at_us, content, queued_ticks };
         self.slots.send_done();
         true
     }
@@ -199,11 +182,7 @@ impl OutputReceiver {
             Content::Event(event) => Payload::Event(*event),
             Content::Exclusion(exclusion) => Payload::Exclusion(*exclusion),
         };
-        let output = Output {
-            run: slot.run,
-            at_us: slot.at_us,
-            payload,
-        };
+        let output = Output { run: slot.run, at_us: slot.at_us, payload };
         (output, slot.queued_ticks)
     }
 

@@ -143,22 +143,13 @@ mod tests {
     use super::*;
 
     fn shared() -> Shared {
-        Shared::new(Clock {
-            now: || 0,
-            hz: 1_000_000,
-        })
+        Shared::new(Clock { now: || 0, hz: 1_000_000 })
     }
 
     #[test]
     fn a_newer_order_replaces_one_that_was_not_read_yet() {
         let shared = shared();
-        let run = |number| {
-            Order::Start(Run {
-                number,
-                streams: Streams::CODES,
-                ..Run::NONE
-            })
-        };
+        let run = |number| Order::Start(Run { number, streams: Streams::CODES, ..Run::NONE });
         shared.send_order(run(1));
         shared.send_order(Order::Stop);
         assert_eq!(shared.orders.try_take(), Some(Order::Stop));

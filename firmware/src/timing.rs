@@ -40,10 +40,7 @@ pub(crate) struct Timing {
 
 impl Timing {
     pub(crate) const fn new(clock: Clock) -> Self {
-        let mut timing = Self {
-            clock,
-            stages: [const { StageTime::new() }; STAGES.len()],
-        };
+        let mut timing = Self { clock, stages: [const { StageTime::new() }; STAGES.len()] };
         let mut index = 0;
         while index < STAGES.len() {
             timing.stages[index].bin_ticks = bin_ticks(STAGES[index].1, clock.hz);
@@ -133,10 +130,7 @@ mod tests {
 
     #[test]
     fn a_duration_is_counted_in_its_bin_and_the_worst_is_kept() {
-        const MHZ: Clock = Clock {
-            now: || 10_000,
-            hz: 1_000_000,
-        };
+        const MHZ: Clock = Clock { now: || 10_000, hz: 1_000_000 };
         let timing = Timing::new(MHZ);
         // 7,812 ticks divided by 8 bins are 976 ticks, rounded down. So 976 is the longest duration
         // in the first bin, 7,808 = 8 x 976 the longest in the last bin, and 7,809 counts as late.

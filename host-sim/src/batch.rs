@@ -46,10 +46,7 @@ pub(crate) enum BatchError {
         inputs[1].display(),
         output.display()
     )]
-    SameOutput {
-        inputs: [PathBuf; 2],
-        output: PathBuf,
-    },
+    SameOutput { inputs: [PathBuf; 2], output: PathBuf },
     /// Some files failed; their errors were printed.
     #[error("{failed} of {files} files failed, see above; the others are complete")]
     Some {
@@ -112,11 +109,7 @@ pub(crate) fn jobs(
     }
     let jobs = files.into_iter().map(|file| {
         let below = file.strip_prefix(input).unwrap_or(&file);
-        Job {
-            output: output.join(rename(below)),
-            name: below.to_owned(),
-            input: file,
-        }
+        Job { output: output.join(rename(below)), name: below.to_owned(), input: file }
     });
     let jobs: Vec<Job> = jobs.collect();
     let mut outputs = HashMap::new();
@@ -129,10 +122,8 @@ pub(crate) fn jobs(
         }
     }
     for folder in jobs.iter().filter_map(|job| job.output.parent()) {
-        fs::create_dir_all(folder).map_err(|source| BatchError::Folder {
-            path: folder.to_owned(),
-            source,
-        })?;
+        fs::create_dir_all(folder)
+            .map_err(|source| BatchError::Folder { path: folder.to_owned(), source })?;
     }
     Ok(jobs)
 }
@@ -145,10 +136,7 @@ fn collect(
     files: &mut Vec<PathBuf>,
     visited: &mut HashSet<PathBuf>,
 ) -> Result<(), BatchError> {
-    let unreadable = |source| BatchError::Unreadable {
-        path: folder.to_owned(),
-        source,
-    };
+    let unreadable = |source| BatchError::Unreadable { path: folder.to_owned(), source };
     if !visited.insert(folder.canonicalize().map_err(unreadable)?) {
         return Ok(());
     }
@@ -165,9 +153,7 @@ fn collect(
 
 /// Returns whether a file has one of the extensions, in upper or lower case, and is not hidden.
 pub(crate) fn has_extension(path: &Path, extensions: &[&str]) -> bool {
-    let is_hidden = path
-        .file_name()
-        .is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
+    let is_hidden = path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
     let extension = path.extension().and_then(OsStr::to_str).unwrap_or_default();
     let mut extensions = extensions.iter();
     !is_hidden && extensions.any(|other| extension.eq_ignore_ascii_case(other))
@@ -202,19 +188,14 @@ pub(crate) fn run<'j, R: Send>(
             .map_err(BatchError::Signals)?;
         signal_hook::flag::register(signal, stop.clone()).map_err(BatchError::Signals)?;
     }
-    let threads = options.jobs.map_or_else(
-        || thread::available_parallelism().map_or(1, NonZero::get),
-        NonZero::get,
-    );
+    let threads = options
+        .jobs
+        .map_or_else(|| thread::available_parallelism().map_or(1, NonZero::get), NonZero::get);
     let threads = threads.min(jobs.len());
     let progress = Progress::default();
     let next = AtomicUsize::new(0);
     let results = Mutex::new(Vec::new());
-    let left = if seconds.is_some() {
-        ", {eta} left"
-    } else {
-        ""
-    };
+    let left = if seconds.is_some() { ", {eta} left" } else { "" };
     let bar = progress_bar(seconds, &format!("s of signal{left}"), options.quiet);
     let start = Instant::now();
     thread::scope(|scope| {
@@ -271,17 +252,8 @@ pub(crate) fn run<'j, R: Send>(
             }
         }
     }
-    let failure = (failed > 0).then_some(BatchError::Some {
-        failed,
-        files: jobs.len(),
-        status,
-    });
-    Ok(Finished {
-        results: finished,
-        failure,
-        elapsed,
-        threads,
-    })
+    let failure = (failed > 0).then_some(BatchError::Some { failed, files: jobs.len(), status });
+    Ok(Finished { results: finished, failure, elapsed, threads })
 }
 
 /// Returns a progress bar over `seconds` of signal, or a spinner if the duration is not known.

@@ -48,11 +48,7 @@ impl FromStr for Input {
     type Err = Infallible;
 
     fn from_str(text: &str) -> Result<Self, Infallible> {
-        Ok(if text == "synthetic" {
-            Self::Synthetic
-        } else {
-            Self::Recording(text.into())
-        })
+        Ok(if text == "synthetic" { Self::Synthetic } else { Self::Recording(text.into()) })
     }
 }
 
@@ -162,11 +158,7 @@ pub(crate) struct ScenarioOptions {
 }
 
 /// Default of `encode --stream`: codes if the built-in model has a network, else packed blocks.
-const DEFAULT_KIND: &str = if model::HAS_NETWORK {
-    "codes"
-} else {
-    "packed"
-};
+const DEFAULT_KIND: &str = if model::HAS_NETWORK { "codes" } else { "packed" };
 
 #[derive(Debug, Args)]
 pub(crate) struct DecodeOptions {

@@ -44,10 +44,7 @@ impl FromStr for Contact {
             let found = labels.position(|other| other.eq_ignore_ascii_case(label));
             found.ok_or_else(|| ContactError::NoElectrode(label.to_owned()))
         });
-        Ok(Self {
-            electrode: electrode.transpose()?,
-            ohms,
-        })
+        Ok(Self { electrode: electrode.transpose()?, ohms })
     }
 }
 
@@ -79,12 +76,7 @@ mod tests {
         let found = impedances(&contacts);
         assert_eq!(found[..3], [800.0, 40_000.0, 800.0]);
         assert_eq!(impedances(&[])[..1], [5_000.0]);
-        for (text, part) in [
-            ("-1", "5k"),
-            ("much", "5k"),
-            ("1e10", "5k"),
-            ("1k:X9", "X9"),
-        ] {
+        for (text, part) in [("-1", "5k"), ("much", "5k"), ("1e10", "5k"), ("1k:X9", "X9")] {
             let error = text.parse::<Contact>().expect_err(text).to_string();
             assert!(error.contains(part), "{error}");
         }

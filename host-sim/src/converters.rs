@@ -86,10 +86,7 @@ impl Converters {
             ..Options::default()
         };
         let simulation = Simulation::new(options, deliver);
-        let settings = Settings {
-            lead_off: true,
-            ..CONVERTER_SETTINGS
-        };
+        let settings = Settings { lead_off: true, ..CONVERTER_SETTINGS };
         let sampler = Sampler::new(simulation.chain(), settings);
         let drdy = simulation.drdy();
         let mut converters = Self {
@@ -140,13 +137,8 @@ impl Converters {
     pub fn start_period(&mut self, sample: &Sample) {
         self.apply_faults();
         self.periods += 1;
-        let mut electrodes = self
-            .electrodes
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
-        electrodes
-            .as_flattened_mut()
-            .copy_from_slice(&sample.counts);
+        let mut electrodes = self.electrodes.lock().unwrap_or_else(PoisonError::into_inner);
+        electrodes.as_flattened_mut().copy_from_slice(&sample.counts);
         drop(electrodes);
         self.first_edge.get_or_insert_with(|| {
             // The first DRDY edge is due when the chips' filter has settled. If the chips do not
@@ -190,11 +182,7 @@ impl Converters {
         let mut sample = Sample::default();
         let counts = self.sampler.counts().as_flattened();
         sample.counts.copy_from_slice(counts);
-        ConvertedSample {
-            sample,
-            reading,
-            early_us,
-        }
+        ConvertedSample { sample, reading, early_us }
     }
 
     /// Switches the excitation of the electrodes on or off, between two samples.

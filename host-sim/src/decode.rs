@@ -42,9 +42,8 @@ pub(crate) fn decode(options: &DecodeOptions) -> Result<(), Box<dyn Error>> {
     if let Some(folder) = &options.report {
         report::check(folder, decoding.existing)?;
     }
-    let jobs = batch::jobs(&options.input, &output, &[CODES], |name| {
-        name.with_extension(&extension)
-    })?;
+    let jobs =
+        batch::jobs(&options.input, &output, &[CODES], |name| name.with_extension(&extension))?;
     let original = options.original.as_deref();
     let finished = batch::run(&jobs, &options.batch, None, |job, progress, bar| {
         let (decoded, warnings) = decode_one(&decoding, original, job, progress)?;
@@ -57,33 +56,21 @@ pub(crate) fn decode(options: &DecodeOptions) -> Result<(), Box<dyn Error>> {
         for (job, decoded) in &finished.results {
             new_file::message!("{}", summary(job, decoded));
         }
-        let seconds = finished
-            .results
-            .iter()
-            .map(|(_, decoded)| decoded.signal_s());
+        let seconds = finished.results.iter().map(|(_, decoded)| decoded.signal_s());
         new_file::message!("{}", finished.speed(seconds.sum()));
     }
-    if let Some(folder) = options
-        .report
-        .as_ref()
-        .filter(|_| !finished.results.is_empty())
-    {
-        let entries = finished
-            .results
-            .into_iter()
-            .map(|(job, decoded)| report::Entry {
-                name: job.name.with_extension("").display().to_string(),
-                decoded,
-            });
+    if let Some(folder) = options.report.as_ref().filter(|_| !finished.results.is_empty()) {
+        let entries = finished.results.into_iter().map(|(job, decoded)| report::Entry {
+            name: job.name.with_extension("").display().to_string(),
+            decoded,
+        });
         let entries: Vec<_> = entries.collect();
         report::write(folder, &model.description, &entries)?;
         if !options.batch.quiet {
             new_file::message!("report: {}", folder.join("index.html").display());
         }
     }
-    finished
-        .failure
-        .map_or(Ok(()), |failure| Err(failure.into()))
+    finished.failure.map_or(Ok(()), |failure| Err(failure.into()))
 }
 
 /// Decodes the codes of one job. Returns the result, and the warnings about the input.
@@ -123,18 +110,13 @@ fn decode_one(
     if let Some(comparison) = &decoded.comparison
         && comparison.steps == 0
     {
-        warnings.push(format!(
-            "too short to compare: the filters settle for {} s",
-            settling_s()
-        ));
+        warnings.push(format!("too short to compare: the filters settle for {} s", settling_s()));
     }
     if !decoded.event_types.is_empty() {
         let types = decoded.event_types.iter();
         let types: Vec<String> = types.map(|(text, kind)| format!("{kind} {text}")).collect();
-        warnings.push(format!(
-            "GDF has no texts; the types of the events are {}",
-            types.join(", ")
-        ));
+        warnings
+            .push(format!("GDF has no texts; the types of the events are {}", types.join(", ")));
     }
     Ok((decoded, warnings))
 }
@@ -156,11 +138,7 @@ fn recording_of(job: &Job, original: Option<&Path>) -> Option<PathBuf> {
 
 /// Returns the name of what a file holds: codes of the network or packed blocks.
 fn codes_of(decoded: &Decoded) -> &'static str {
-    if decoded.is_packed() {
-        "packed blocks"
-    } else {
-        "codes"
-    }
+    if decoded.is_packed() { "packed blocks" } else { "codes" }
 }
 
 fn summary(job: &Job, decoded: &Decoded) -> String {

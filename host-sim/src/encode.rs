@@ -31,19 +31,15 @@ pub(crate) fn encode(options: &EncodeOptions) -> Result<(), Box<dyn Error>> {
         name.with_added_extension(CODES)
     })?;
     let is_single = jobs.len() == 1;
-    let finished = batch::run(
-        &jobs,
-        &options.batch,
-        Some(seconds(&jobs)),
-        |job, progress, bar| {
+    let finished =
+        batch::run(&jobs, &options.batch, Some(seconds(&jobs)), |job, progress, bar| {
             let encoded = encoding.encode(&job.input, &job.output, progress)?;
             let file = job.input.display();
             for warning in &encoded.warnings {
                 bar.suspend(|| new_file::message!("warning: {file}: {warning}"));
             }
             Ok(encoded)
-        },
-    )?;
+        })?;
     if !options.batch.quiet {
         for (job, encoded) in &finished.results {
             if is_single {
@@ -51,22 +47,15 @@ pub(crate) fn encode(options: &EncodeOptions) -> Result<(), Box<dyn Error>> {
             }
             new_file::message!("{}", summary(job, encoded));
         }
-        let seconds = finished
-            .results
-            .iter()
-            .map(|(_, encoded)| encoded.signal_s());
+        let seconds = finished.results.iter().map(|(_, encoded)| encoded.signal_s());
         new_file::message!("{}", finished.speed(seconds.sum()));
     }
-    finished
-        .failure
-        .map_or(Ok(()), |failure| Err(failure.into()))
+    finished.failure.map_or(Ok(()), |failure| Err(failure.into()))
 }
 
 /// Returns the total length of the recordings, seconds; those that cannot be read count as 0.
 fn seconds(jobs: &[Job]) -> u64 {
-    let recordings = jobs
-        .iter()
-        .filter_map(|job| Recording::open(&job.input).ok());
+    let recordings = jobs.iter().filter_map(|job| Recording::open(&job.input).ok());
     let seconds: f64 = recordings.map(|recording| recording.duration_s()).sum();
     #[expect(
         clippy::cast_possible_truncation,

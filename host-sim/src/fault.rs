@@ -17,10 +17,7 @@ fn help_for(chips: usize, labels: &str) -> String {
     let electrode = labels.split(' ').next().unwrap_or_default();
     let numbers = match chips {
         1 => "There is one chip, chip0; its DRDY is wired.".to_owned(),
-        _ => format!(
-            "Chips count from 0 to {}; chip 0 is the one whose DRDY is wired.",
-            chips - 1
-        ),
+        _ => format!("Chips count from 0 to {}; chip 0 is the one whose DRDY is wired.", chips - 1),
     };
     format!(
         "\
@@ -223,10 +220,8 @@ impl Faults {
     /// Returns the changes that are due after `samples` samples and were not returned before.
     pub(crate) fn take_due(&mut self, samples: u64) -> Vec<Change> {
         let due = self.changes[self.applied..].iter();
-        let due: Vec<Change> = due
-            .take_while(|(time, _)| *time <= samples)
-            .map(|(_, change)| *change)
-            .collect();
+        let due: Vec<Change> =
+            due.take_while(|(time, _)| *time <= samples).map(|(_, change)| *change).collect();
         self.applied += due.len();
         due
     }
@@ -303,10 +298,7 @@ mod tests {
         let mut fine = faults(&["stuck@2s:chip1", "dead@1s..2s:chip1"]).expect("one by one");
         let second = u64::from(model::ADC_RATE_HZ);
         assert_eq!(fine.take_due(second - 1), []);
-        assert_eq!(
-            fine.take_due(second),
-            [Change::Inject(1, simulation::Fault::Dead)]
-        );
+        assert_eq!(fine.take_due(second), [Change::Inject(1, simulation::Fault::Dead)]);
         let stuck = Change::Inject(1, simulation::Fault::StuckData);
         assert_eq!(fine.take_due(2 * second), [Change::Repair(1), stuck]);
         assert_eq!(fine.take_due(3 * second), []);

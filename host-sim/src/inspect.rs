@@ -18,11 +18,7 @@ pub(crate) fn inspect(file: &Path) -> Result<(), Box<dyn Error>> {
     // If `Played` refuses the recording, the warnings are only in `recording`.
     let warnings = match &played {
         Ok(played) => played.warnings.clone(),
-        Err(_) => recording
-            .warnings()
-            .iter()
-            .map(ToString::to_string)
-            .collect(),
+        Err(_) => recording.warnings().iter().map(ToString::to_string).collect(),
     };
     for warning in warnings {
         new_file::print(format_args!("warning: {warning}\n"))?;
@@ -43,9 +39,7 @@ fn describe(recording: &mut Recording, text: &mut String) -> Result<(), Box<dyn 
     writeln!(text, "{seconds:.3} s in {records} records\n")?;
     writeln!(text, "{:<18} {:>10}  unit", "signal", "rate")?;
     for signal in recording.signals() {
-        let rate = signal
-            .rate
-            .map_or_else(|| "-".to_owned(), |r| format!("{:.2} Hz", r.value()));
+        let rate = signal.rate.map_or_else(|| "-".to_owned(), |r| format!("{:.2} Hz", r.value()));
         writeln!(text, "{:<18} {rate:>10}  {}", signal.label, signal.unit)?;
     }
     let events = recording.placed_events()?;

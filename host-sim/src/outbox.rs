@@ -73,14 +73,8 @@ const MAX_FRAMES: usize = FRAME_RATE * 9 / 2;
 impl Outbox {
     /// Creates an empty queue.
     pub fn new(when_full: WhenFull) -> Self {
-        let shared = Shared {
-            queue: Mutex::default(),
-            changed: Condvar::new(),
-        };
-        Self {
-            shared: Arc::new(shared),
-            when_full,
-        }
+        let shared = Shared { queue: Mutex::default(), changed: Condvar::new() };
+        Self { shared: Arc::new(shared), when_full }
     }
 
     /// Returns what the outbox does while the host reads too slowly.
@@ -231,10 +225,7 @@ impl Outbox {
     }
 
     fn lock(&self) -> MutexGuard<'_, Queue> {
-        self.shared
-            .queue
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
+        self.shared.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

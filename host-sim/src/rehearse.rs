@@ -20,11 +20,8 @@ pub(crate) struct Failed {
 
 pub(crate) fn rehearse_all(options: &ScenarioOptions) -> Result<(), Box<dyn Error>> {
     // Read all files first, so that a mistake in the last one shows before the others run.
-    let scenarios: Result<Vec<Scenario>, _> = options
-        .files
-        .iter()
-        .map(|file| Scenario::read(file))
-        .collect();
+    let scenarios: Result<Vec<Scenario>, _> =
+        options.files.iter().map(|file| Scenario::read(file)).collect();
     let existing = Existing::from_force(options.force);
     let junit_file = options.junit.as_ref();
     let junit_file = junit_file.map(|path| NewFile::create(path, existing, &options.files));
@@ -41,11 +38,7 @@ pub(crate) fn rehearse_all(options: &ScenarioOptions) -> Result<(), Box<dyn Erro
         progress.set_message(scenario.name().to_owned());
         let report = rehearse(&scenario, || progress.inc(1))?;
         progress.finish_and_clear();
-        let line = if options.json {
-            serde_json::to_string(&report)?
-        } else {
-            report.to_string()
-        };
+        let line = if options.json { serde_json::to_string(&report)? } else { report.to_string() };
         new_file::print(format_args!("{line}\n"))?;
         reports.push(report);
     }

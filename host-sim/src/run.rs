@@ -23,7 +23,7 @@ use crate::command_line::{Input, RunOptions};
 pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
     if !options.streams.is_empty() && options.output.file().is_none() {
         return Err(
-            "--streams is for file: and ndjson:; of a port, the host selects the streams".into(),
+            "--streams is for file: and ndjson:; of a port, the host selects the streams".into()
         );
     }
     if options.streams.contains(&Streams::CODES) && !model::HAS_NETWORK {
@@ -36,11 +36,7 @@ pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
     for signal in [SIGINT, SIGTERM] {
         signal_hook::flag::register(signal, stop.clone())?;
     }
-    let OpenedInput {
-        mut source,
-        substitutes,
-        recorded_edges,
-    } = OpenedInput::new(options)?;
+    let OpenedInput { mut source, substitutes, recorded_edges } = OpenedInput::new(options)?;
     let faults = Faults::new(&options.fault)?;
     let session = session(options, faults, substitutes, recorded_edges);
     let total = match (source.samples(), session.limit) {
@@ -49,10 +45,7 @@ pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
     };
     if !options.quiet {
         let model = u64::from_be_bytes(model::MODEL_ID);
-        new_file::message!(
-            "virtual board with model {model:016x} on {}",
-            session.output
-        );
+        new_file::message!("virtual board with model {model:016x} on {}", session.output);
     }
     let seconds = total.map(|samples| samples / rate());
     let progress = progress_bar(seconds, "s  {msg}", options.quiet);
@@ -92,38 +85,27 @@ fn session(
     recorded_edges: RecordedEdges,
 ) -> Session {
     let is_fast = options.output.file().is_some() && !options.realtime;
-    let pace = if options.fast || is_fast {
-        Pace::Fast
-    } else {
-        Pace::Realtime
-    };
+    let pace = if options.fast || is_fast { Pace::Fast } else { Pace::Realtime };
     let default_id = || match pace {
         // In virtual time the session id is constant, because equal runs must write equal bytes.
         Pace::Fast => 1,
         Pace::Realtime => SystemTime::now()
             .duration_since(UNIX_EPOCH)
-            .map_or(1, |now| {
-                now.subsec_nanos() ^ std::process::id().rotate_left(16)
-            }),
+            .map_or(1, |now| now.subsec_nanos() ^ std::process::id().rotate_left(16)),
     };
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "the duration is positive; beyond 2^64 samples it saturates"
     )]
-    let limit = options
-        .duration
-        .map(|s| (s * f64::from(model::ADC_RATE_HZ)).round() as u64);
+    let limit = options.duration.map(|s| (s * f64::from(model::ADC_RATE_HZ)).round() as u64);
     let inputs = match &options.input {
         Input::Synthetic => Vec::new(),
         Input::Recording(path) => vec![path.clone()],
     };
     Session {
         output: options.output.clone(),
-        file_rules: FileRules {
-            existing: Existing::from_force(options.force),
-            inputs,
-        },
+        file_rules: FileRules { existing: Existing::from_force(options.force), inputs },
         streams: streams(&options.streams),
         pace,
         clock_ppm: options.clock_ppm,
@@ -143,15 +125,9 @@ fn session(
 
 fn streams(selected: &[Streams]) -> Streams {
     if selected.is_empty() {
-        return if model::HAS_NETWORK {
-            Streams::CODES
-        } else {
-            Streams::PACKED
-        };
+        return if model::HAS_NETWORK { Streams::CODES } else { Streams::PACKED };
     }
-    selected
-        .iter()
-        .fold(Streams::empty(), |all, stream| all | *stream)
+    selected.iter().fold(Streams::empty(), |all, stream| all | *stream)
 }
 
 fn summary(report: &Report) -> String {
@@ -180,21 +156,14 @@ fn warnings(report: &Report, source: &Source) -> Vec<String> {
         Source::Recording(adc) => adc.counters().warnings(),
         Source::Synthetic(_) => Vec::new(),
     };
-    warnings.extend(
-        report
-            .failure
-            .map(|failure| format!("at power-on: {failure}")),
-    );
+    warnings.extend(report.failure.map(|failure| format!("at power-on: {failure}")));
     for (chip, errors) in converters.errors.iter().enumerate() {
         warnings
             .extend((*errors > 0).then(|| format!("converter {chip} is bad in {errors} samples")));
     }
     let losses: [(u64, _); 3] = [
         (converters.missed.into(), "samples were missed"),
-        (
-            stats.frames_dropped.into(),
-            "frames were dropped: the host read too slowly",
-        ),
+        (stats.frames_dropped.into(), "frames were dropped: the host read too slowly"),
         (report.unread_bytes, "bytes were never read by the host"),
     ];
     let losses = losses.into_iter().filter(|(count, _)| *count > 0);

@@ -140,10 +140,7 @@ pub struct Report {
 
 impl Report {
     /// Returns the duration of the processed signal in seconds, from the number of samples.
-    #[expect(
-        clippy::cast_precision_loss,
-        reason = "sample counts are far below 2^52"
-    )]
+    #[expect(clippy::cast_precision_loss, reason = "sample counts are far below 2^52")]
     pub fn signal_s(&self) -> f64 {
         self.stats.samples as f64 / f64::from(model::ADC_RATE_HZ)
     }
@@ -175,10 +172,7 @@ impl Session {
         let mut clock = DeviceClock::new(self.pace, model::ADC_RATE_HZ.into(), self.clock_ppm);
         if self.output.file().is_some() {
             // An output that is a file has no host that could send a `Start`; start here.
-            let start = Start {
-                streams: self.streams,
-                mains_hz: 0,
-            };
+            let start = Start { streams: self.streams, mains_hz: 0 };
             board.start(start, clock.now_us());
         }
 
@@ -319,10 +313,7 @@ impl Source {
     /// [`RecordingError`] if the rest of the recording cannot be read.
     pub fn next_sample(&mut self) -> Result<Option<Sample>, RecordingError> {
         match self {
-            Self::Recording(adc) => adc
-                .next()
-                .transpose()
-                .map(|counts| counts.map(first_channels)),
+            Self::Recording(adc) => adc.next().transpose().map(|counts| counts.map(first_channels)),
             Self::Synthetic(generator) => Ok(Some(first_channels(generator.next_sample()))),
         }
     }

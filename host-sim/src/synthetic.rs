@@ -90,12 +90,7 @@ impl Generator {
     /// # Errors
     /// [`SyntheticError`] if a field of `spec` is outside its range.
     pub fn new(spec: &SyntheticSpec) -> Result<Self, SyntheticError> {
-        let SyntheticSpec {
-            rate_hz,
-            lsb_uv,
-            mains_hz,
-            ..
-        } = *spec;
+        let SyntheticSpec { rate_hz, lsb_uv, mains_hz, .. } = *spec;
         if !(128..=16_000).contains(&rate_hz) || mains_hz == 0 || mains_hz >= rate_hz / 2 {
             return Err(SyntheticError::Rate { rate_hz, mains_hz });
         }

@@ -41,11 +41,7 @@ impl Trigger {
         if interval < SHORTEST {
             return Err(TriggerError(interval));
         }
-        Ok(Self {
-            interval_us,
-            boot_us: 0,
-            edges: 0,
-        })
+        Ok(Self { interval_us, boot_us: 0, edges: 0 })
     }
 
     /// Restarts the trigger when the board boots at `now_us`: edges are numbered from 0 again.
@@ -73,17 +69,10 @@ impl Trigger {
         } else {
             EventKind::TriggerFall
         };
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "the number on the wire wraps"
-        )]
+        #[expect(clippy::cast_possible_truncation, reason = "the number on the wire wraps")]
         let number = self.edges as u32;
         self.edges += 1;
-        Some(CapturedEvent {
-            kind,
-            number,
-            at_us,
-        })
+        Some(CapturedEvent { kind, number, at_us })
     }
 }
 

@@ -136,11 +136,7 @@ impl VirtualBoard {
     /// Captures an edge of the trigger input that happens at `at_us` and precedes the next sample.
     /// Not for a board with a trigger from [`Self::with_trigger`].
     pub fn capture_edge(&mut self, kind: EventKind, at_us: u64) {
-        self.captured.push_back(CapturedEvent {
-            kind,
-            number: self.edges,
-            at_us,
-        });
+        self.captured.push_back(CapturedEvent { kind, number: self.edges, at_us });
         self.edges = self.edges.wrapping_add(1);
     }
 
@@ -149,10 +145,9 @@ impl VirtualBoard {
         let counts = self.counts();
         let mut orders = Vec::new();
         let (slot, sender) = (&mut *self.slot, &mut self.sender);
-        self.session
-            .receive(bytes, now_us, counts, slot, sender, |order| {
-                orders.push(order);
-            });
+        self.session.receive(bytes, now_us, counts, slot, sender, |order| {
+            orders.push(order);
+        });
         if let Some(filters) = self.session.take_filters() {
             self.producer.set_filters(filters);
         }
@@ -184,8 +179,7 @@ impl VirtualBoard {
             Order::SelfTest => {
                 let report = self.converters.run_self_test();
                 let result = device::self_test_message(&report);
-                self.session
-                    .send_self_test(result, now_us, &mut self.sender);
+                self.session.send_self_test(result, now_us, &mut self.sender);
                 self.update_converters(now_us);
             }
             Order::Reset(_) => self.restart(ResetCause::Software, now_us),
@@ -221,8 +215,7 @@ impl VirtualBoard {
 
     fn update_converters(&mut self, now_us: u64) {
         let message = self.converters.message();
-        self.session
-            .update_converters(message, now_us, &mut self.sender);
+        self.session.update_converters(message, now_us, &mut self.sender);
     }
 
     /// Applies a sample, whose DRDY edge is due at `now_us`, to the electrodes and processes what
@@ -237,13 +230,7 @@ impl VirtualBoard {
         }
     }
 
-    fn process(
-        &mut self,
-        ConvertedSample {
-            sample, reading, ..
-        }: &ConvertedSample,
-        now_us: u64,
-    ) {
+    fn process(&mut self, ConvertedSample { sample, reading, .. }: &ConvertedSample, now_us: u64) {
         let marks = Marks {
             adc_status_bad: !reading.is_sound(),
             lead_off: reading.lead_off(),
@@ -252,9 +239,7 @@ impl VirtualBoard {
         };
         self.samples += 1;
         self.overruns = self.overruns.wrapping_add(reading.missed);
-        self.adc_status_bad = self
-            .adc_status_bad
-            .wrapping_add(marks.adc_status_bad.into());
+        self.adc_status_bad = self.adc_status_bad.wrapping_add(marks.adc_status_bad.into());
         let index = self.acquisition.samples();
         let step_index = self.steps;
         let step = self.acquisition.process_sample(sample);
@@ -297,8 +282,7 @@ impl VirtualBoard {
             self.producer.place_events(&acquired, &mut next, &mut emit);
         }
         let uploaded = self.slot.weights();
-        self.producer
-            .process_with(uploaded.as_ref(), &acquired, &mut emit);
+        self.producer.process_with(uploaded.as_ref(), &acquired, &mut emit);
         if is_first {
             self.producer.place_events(&acquired, &mut next, &mut emit);
         }

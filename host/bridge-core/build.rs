@@ -16,10 +16,8 @@ fn main() -> ExitCode {
     // Read `CARGO_MANIFEST_DIR` at run time. With a shared target folder, cargo can run a script
     // that it built for another checkout, whose path `env!` would have compiled in.
     let package = env::var_os("CARGO_MANIFEST_DIR").expect("cargo sets CARGO_MANIFEST_DIR");
-    let artifact = env::var_os(ARTIFACT).map_or_else(
-        || Path::new(&package).join("../../signal/model/artifact"),
-        PathBuf::from,
-    );
+    let artifact = env::var_os(ARTIFACT)
+        .map_or_else(|| Path::new(&package).join("../../signal/model/artifact"), PathBuf::from);
     if artifact.is_relative() {
         println!(
             "cargo::error={ARTIFACT} is {}, but cargo runs each build script in the folder of its package: \

@@ -147,11 +147,7 @@ pub fn butterworth_band_pass(order: usize, low_hz: f64, high_hz: f64, rate_hz: f
             gain /= 2.0 * rate_hz - pole;
         }
     }
-    BandPass {
-        poles,
-        gain: gain.re,
-        order,
-    }
+    BandPass { poles, gain: gain.re, order }
 }
 
 /// Designs a Butterworth band-pass of order 2 at each edge as two sections
@@ -184,10 +180,7 @@ pub struct Notch {
 /// Expects `0 < frequency_hz < rate_hz / 2` and `q > 0`.
 pub fn notch(frequency_hz: f64, q: f64, rate_hz: f64) -> Notch {
     let w0 = 2.0 * PI * frequency_hz / rate_hz;
-    Notch {
-        gain: 1.0 / (1.0 + (w0 / (2.0 * q)).tan()),
-        cosine: -2.0 * w0.cos(),
-    }
+    Notch { gain: 1.0 / (1.0 + (w0 / (2.0 * q)).tan()), cosine: -2.0 * w0.cos() }
 }
 
 #[expect(clippy::cast_precision_loss, reason = "filter orders are below 100")]
@@ -195,11 +188,7 @@ fn real(count: usize) -> f64 {
     count as f64
 }
 
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_possible_wrap,
-    reason = "order < 100"
-)]
+#[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "order < 100")]
 fn as_power(order: usize) -> i32 {
     order as i32
 }
@@ -221,10 +210,7 @@ struct Feedback {
 
 impl Feedback {
     fn from_poles(pair: [Complex64; 2]) -> Self {
-        Self {
-            a1: (pair[0] + pair[1]).re,
-            a2: -(pair[0] * pair[1]).re,
-        }
+        Self { a1: (pair[0] + pair[1]).re, a2: -(pair[0] * pair[1]).re }
     }
 }
 
@@ -235,10 +221,7 @@ fn band_sections(filter: &BandPass, pairs: &[[Complex64; 2]]) -> Vec<Section> {
     let by_radius = |range: &[[Complex64; 2]]| {
         let mut sorted = range.to_vec();
         sorted.sort_by(|a, b| (a[0] * a[1]).re.total_cmp(&(b[0] * b[1]).re));
-        sorted
-            .into_iter()
-            .map(Feedback::from_poles)
-            .collect::<Vec<_>>()
+        sorted.into_iter().map(Feedback::from_poles).collect::<Vec<_>>()
     };
     let high_pass = by_radius(&pairs[..half]);
     let mixed = by_radius(&pairs[half..pairs.len() - half]);
@@ -256,23 +239,17 @@ fn band_sections(filter: &BandPass, pairs: &[[Complex64; 2]]) -> Vec<Section> {
 
     let a1 = |feedback: &Feedback| Coefficient::nearest(feedback.a1);
     let a2 = |feedback: &Feedback| Coefficient::nearest(feedback.a2);
-    let high = high_pass.iter().map(|f| Section::HighPass {
-        a1: a1(f),
-        a2: a2(f),
-    });
+    let high = high_pass.iter().map(|f| Section::HighPass { a1: a1(f), a2: a2(f) });
     let middle = mixed.iter().map(|f| Section::BandPass {
         gain: Coefficient::nearest(rest),
         a1: a1(f),
         a2: a2(f),
     });
-    let low = low_pass
-        .iter()
-        .zip(&low_gains)
-        .map(|(f, &gain)| Section::LowPass {
-            gain: Coefficient::nearest(gain),
-            a1: a1(f),
-            a2: a2(f),
-        });
+    let low = low_pass.iter().zip(&low_gains).map(|(f, &gain)| Section::LowPass {
+        gain: Coefficient::nearest(gain),
+        a1: a1(f),
+        a2: a2(f),
+    });
     high.chain(middle).chain(low).collect()
 }
 
@@ -283,11 +260,7 @@ fn pole_pairs(poles: &[Complex64]) -> Vec<[Complex64; 2]> {
     const REAL_POLE: f64 = 1e-9;
     let mut upper: Vec<Complex64> = poles.iter().copied().filter(|p| p.im > REAL_POLE).collect();
     upper.sort_by(|a, b| a.arg().total_cmp(&b.arg()));
-    let real: Vec<Complex64> = poles
-        .iter()
-        .copied()
-        .filter(|p| p.im.abs() <= REAL_POLE)
-        .collect();
+    let real: Vec<Complex64> = poles.iter().copied().filter(|p| p.im.abs() <= REAL_POLE).collect();
     let middle = upper.len() / 2;
     let mut pairs: Vec<_> = upper.into_iter().map(|p| [p, p.conj()]).collect();
     if let [a, b] = real[..] {

@@ -38,15 +38,9 @@ impl Chain<'_> {
     pub fn worst_gain(&self) -> Result<f64, FilterError> {
         let impulse = self.cascade_response(std::iter::once(1.0).chain(std::iter::repeat(0.0)))?;
         let norm = |phase: Vec<f64>| -> f64 {
-            (0..impulse.len() + phase.len())
-                .map(|n| phase_output(&phase, &impulse, n).abs())
-                .sum()
+            (0..impulse.len() + phase.len()).map(|n| phase_output(&phase, &impulse, n).abs()).sum()
         };
-        Ok(self
-            .resampler
-            .phase_responses()
-            .map(norm)
-            .fold(0.0, f64::max))
+        Ok(self.resampler.phase_responses().map(norm).fold(0.0, f64::max))
     }
 
     /// Returns how long the output of every phase of the resampler takes to fall below `threshold`
@@ -58,9 +52,7 @@ impl Chain<'_> {
         let step = self.cascade_response(std::iter::repeat(1.0))?;
         let phases: Vec<Vec<f64>> = self.resampler.phase_responses().collect();
         let unsettled = |n: &usize| {
-            phases
-                .iter()
-                .any(|phase| phase_output(phase, &step, *n).abs() >= threshold)
+            phases.iter().any(|phase| phase_output(phase, &step, *n).abs() >= threshold)
         };
         // The magnitudes of a phase's taps sum to less than 2. So the output stays below the
         // threshold once all samples in the delay line are below half the threshold.
@@ -83,11 +75,5 @@ impl Chain<'_> {
 /// `signal` is taken as 0 before its start and after its end.
 fn phase_output(phase: &[f64], signal: &[f64], n: usize) -> f64 {
     let first = (n + 1).saturating_sub(signal.len());
-    phase
-        .iter()
-        .enumerate()
-        .take(n + 1)
-        .skip(first)
-        .map(|(age, tap)| tap * signal[n - age])
-        .sum()
+    phase.iter().enumerate().take(n + 1).skip(first).map(|(age, tap)| tap * signal[n - age]).sum()
 }

@@ -200,11 +200,7 @@ fn realised_filter(
 ) -> Result<MainsFilter, FilterError> {
     let (filters, rate_hz) = (&description.filters, description.adc.rate_hz);
     let sections = filter_cascade(filters, rate_hz, mains_hz)?;
-    let chain = Chain {
-        sections: &sections,
-        resampler,
-        rate_hz,
-    };
+    let chain = Chain { sections: &sections, resampler, rate_hz };
     let mut gains = headroom::prove_cascade(&sections)?;
     gains.push(headroom::prove_chain_output(&chain)?);
     let settling = chain.settling_samples(SETTLED)?;
@@ -243,9 +239,8 @@ fn prefiltering_text(description: &Description, mains_hz: u32) -> String {
     let (filters, rate_hz) = (&description.filters, description.adc.rate_hz);
     let step_rate_hz = description.window.rate_hz;
     let [low, high] = filters.band_hz;
-    let notches: Vec<String> = (1..=filters.harmonics + 1)
-        .map(|multiple| (multiple * mains_hz).to_string())
-        .collect();
+    let notches: Vec<String> =
+        (1..=filters.harmonics + 1).map(|multiple| (multiple * mains_hz).to_string()).collect();
     let decimation = match filters.decimation {
         Decimation::Literal => format!("every {} of {rate_hz} Hz", ordinal(rate_hz / step_rate_hz)),
         Decimation::Fir => {

@@ -39,22 +39,11 @@ pub fn rust_files(model: &DeviceModel) -> [(&'static str, String); 2] {
     statics.network(model);
     statics.packed(model);
     statics.substitution(model);
-    [
-        ("constants.rs", constants(model)),
-        ("statics.rs", statics.text),
-    ]
+    [("constants.rs", constants(model)), ("statics.rs", statics.text)]
 }
 
 fn constants(model: &DeviceModel) -> String {
-    let Description {
-        adc,
-        window,
-        montage,
-        grid,
-        mode,
-        network,
-        ..
-    } = &model.description;
+    let Description { adc, window, montage, grid, mode, network, .. } = &model.description;
     let (resampler, packed) = (&model.resampler, model.packed.as_ref());
     // Padding and pool mean nothing in a network without convolutions, so neutral values are
     // written.
@@ -64,10 +53,7 @@ fn constants(model: &DeviceModel) -> String {
         (Padding::None, [1, 1, 1])
     };
     let (kernel, fields) = match ConvKernel::select(&model.integers) {
-        ConvKernel::Winograd => (
-            "Winograd",
-            "tile_rows: pooled.rows, outputs: pooled.channels",
-        ),
+        ConvKernel::Winograd => ("Winograd", "tile_rows: pooled.rows, outputs: pooled.channels"),
         ConvKernel::Direct => ("Direct", "pool: [POOL[1], POOL[2]], pooled"),
     };
     format!(

@@ -11,10 +11,7 @@ use crate::{
 
 /// Reason why a filter cascade or a resampler cannot be realised.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[expect(
-    missing_docs,
-    reason = "the messages say what each variant and its fields mean"
-)]
+#[expect(missing_docs, reason = "the messages say what each variant and its fields mean")]
 pub enum FilterError {
     #[error(
         "the {0} of {1} Hz cannot exist: it must be between 0 and {limit} Hz, half of \
@@ -96,13 +93,7 @@ pub enum FilterError {
          {bytes} B, more than {LARGEST_BYTES}: lower [adc] rate_hz in model.toml to 2144 Hz at most, or \
          choose one that has a larger divisor in common with the steps' rate"
     )]
-    ResamplerSize {
-        what: String,
-        rate_hz: u32,
-        phases: usize,
-        taps: usize,
-        bytes: usize,
-    },
+    ResamplerSize { what: String, rate_hz: u32, phases: usize, taps: usize, bytes: usize },
     /// The taps of the resampler could overflow its accumulator. The fields are the sampling rate
     /// in Hz, and the largest sum of a phase's tap magnitudes, Q2.30.
     #[error(
@@ -120,10 +111,7 @@ pub enum FilterError {
 
 /// Reason why an artifact cannot be turned into integers.
 #[derive(Debug, thiserror::Error)]
-#[expect(
-    missing_docs,
-    reason = "the messages say what each variant and its fields mean"
-)]
+#[expect(missing_docs, reason = "the messages say what each variant and its fields mean")]
 pub enum ModelGenError {
     #[error(transparent)]
     Artifact(#[from] artifact::ArtifactError),

@@ -28,9 +28,7 @@ impl Filters {
         let rate_hz = description.adc.rate_hz;
         let sections = filter_cascade(&description.filters, rate_hz, mains_hz)?;
         let states = vec![CascadeState::REST; sections.len()];
-        let cascade = |section| Cascade {
-            sections: [section],
-        };
+        let cascade = |section| Cascade { sections: [section] };
         Ok(Self {
             sections: sections.into_iter().map(cascade).collect(),
             states: vec![states; description.montage.electrodes.len()],
@@ -42,9 +40,7 @@ impl Filters {
         let electrodes = counts.iter().zip(&mut self.states);
         let filtered = electrodes.map(|(&count, states)| {
             let sections = self.sections.iter().zip(states);
-            sections.fold(count << GUARD_BITS, |x, (section, state)| {
-                section.apply(state, x)
-            })
+            sections.fold(count << GUARD_BITS, |x, (section, state)| section.apply(state, x))
         });
         filtered.collect()
     }
@@ -98,11 +94,8 @@ impl Resampler {
         self.ahead += usize::from(self.table.down) - phases;
         let output = |electrode| {
             let samples = self.newest.iter().map(|sample| sample[electrode]);
-            let sum: i64 = taps
-                .iter()
-                .zip(samples)
-                .map(|(&tap, x)| i64::from(tap) * i64::from(x))
-                .sum();
+            let sum: i64 =
+                taps.iter().zip(samples).map(|(&tap, x)| i64::from(tap) * i64::from(x)).sum();
             // The Q2.30 taps add 30 fraction bits to the sum. Round half up to remove them.
             i32::try_from((sum + (1 << 29)) >> 30).expect("model-gen proves the head room")
         };

@@ -66,30 +66,21 @@ pub fn prove_chain_output(chain: &Chain) -> Result<NodeGain, FilterError> {
 fn checked_gain(node: String, gain: f64) -> Result<NodeGain, FilterError> {
     let limit = f64::from(GAIN_LIMIT) - NOISE;
     let node = NodeGain { node, gain };
-    if gain < limit {
-        Ok(node)
-    } else {
-        Err(FilterError::Overflow(node, limit))
-    }
+    if gain < limit { Ok(node) } else { Err(FilterError::Overflow(node, limit)) }
 }
 
 /// Returns the name and the samples of each signal that must fit 32 bits in a section with this
 /// input and output.
 fn nodes(section: &Section, input: &[f64], output: &[f64]) -> Vec<(&'static str, Vec<f64>)> {
     let before = |signal: &[f64], index: usize, age: usize| {
-        index
-            .checked_sub(age)
-            .map_or(0.0, |earlier| signal[earlier])
+        index.checked_sub(age).map_or(0.0, |earlier| signal[earlier])
     };
     let each =
         |signal: &dyn Fn(usize) -> f64| -> Vec<f64> { (0..input.len()).map(signal).collect() };
     let mut nodes = match section {
         Section::Notch { .. } => vec![
             ("change", each(&|k| output[k] - input[k])),
-            (
-                "balance",
-                each(&|k| 2.0 * before(output, k, 2) - input[k] - before(input, k, 2)),
-            ),
+            ("balance", each(&|k| 2.0 * before(output, k, 2) - input[k] - before(input, k, 2))),
         ],
         Section::HighPass { .. } => Vec::new(),
         Section::BandPass { .. } => {

@@ -75,18 +75,11 @@ impl IntegerModel {
     pub fn encode_window(&self, window: &[i8]) -> IntegerCode {
         let dimensions = &self.geometry.dimensions;
         assert_eq!(window.len(), dimensions.window_cells(), "cells of a window");
-        let features = if self.mode.has_convolutions() {
-            self.features(window)
-        } else {
-            Vec::new()
-        };
+        let features =
+            if self.mode.has_convolutions() { self.features(window) } else { Vec::new() };
         let linear: Vec<i64> = window
             .chunks_exact(dimensions.cells())
-            .flat_map(|plane| {
-                self.cells
-                    .iter()
-                    .map(|&cell| i64::from(plane[usize::from(cell)]))
-            })
+            .flat_map(|plane| self.cells.iter().map(|&cell| i64::from(plane[usize::from(cell)])))
             .collect();
         let level = |j: usize| {
             let product =
@@ -139,20 +132,12 @@ pub fn integer_code(format: CodeFormat, levels: &[i64]) -> IntegerCode {
     };
     let largest = format.largest_exponent();
     let fits = |exponent: &u8| {
-        levels
-            .iter()
-            .all(|&level| (least..=greatest).contains(&rounded(level, *exponent)))
+        levels.iter().all(|&level| (least..=greatest).contains(&rounded(level, *exponent)))
     };
     let exponent = (0..=largest).find(fits).unwrap_or(largest);
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "clamped to 16 bits or less"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "clamped to 16 bits or less")]
     let value = |&level: &i64| rounded(level, exponent).clamp(least, greatest) as i16;
-    IntegerCode {
-        exponent,
-        values: levels.iter().map(value).collect(),
-    }
+    IntegerCode { exponent, values: levels.iter().map(value).collect() }
 }
 
 /// A dense 4-d array of integers, in the order `[channel][time][row][column]`.
@@ -171,12 +156,7 @@ impl Volume {
     /// `padding` holds the value of the padding for each channel.
     fn padded(&self, pads: [usize; 3], padding: &[i16]) -> Self {
         let [channels, times, rows, columns] = self.shape;
-        let shape = [
-            channels,
-            times + 2 * pads[0],
-            rows + 2 * pads[1],
-            columns + 2 * pads[2],
-        ];
+        let shape = [channels, times + 2 * pads[0], rows + 2 * pads[1], columns + 2 * pads[2]];
         let mut values = Vec::with_capacity(shape.iter().product());
         for (channel, &padding) in padding.iter().enumerate() {
             for (time, row, column) in positions(shape) {
@@ -272,11 +252,7 @@ fn positions([_, times, rows, columns]: [usize; 4]) -> impl Iterator<Item = (usi
 }
 
 fn dot(weights: &[i8], features: &[i64]) -> i64 {
-    weights
-        .iter()
-        .zip(features)
-        .map(|(&w, &x)| i64::from(w) * x)
-        .sum()
+    weights.iter().zip(features).map(|(&w, &x)| i64::from(w) * x).sum()
 }
 
 /// Multiplies a sum by a Q0.32 factor, and rounds half up to an integer.

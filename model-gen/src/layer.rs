@@ -62,10 +62,7 @@ fn finest_scale(bias: f64, gain: f64, input: LayerInput) -> f64 {
 fn weights_i8(weights: &[f64], smallest_scale: f64) -> (Vec<i8>, f64) {
     let largest = weights.iter().fold(0.0, |m: f64, w| m.max(w.abs()));
     let scale = (largest / 127.0).max(smallest_scale);
-    (
-        weights.iter().map(|w| saturating_i8(w / scale)).collect(),
-        scale,
-    )
+    (weights.iter().map(|w| saturating_i8(w / scale)).collect(), scale)
 }
 
 /// Rounds half away from zero and saturates to -128..=127.
@@ -75,10 +72,7 @@ pub(crate) fn saturating_i8(value: f64) -> i8 {
 }
 
 /// Rounds half away from zero; returns `None` if the result does not fit 32 bits.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "checked against the range of i32"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "checked against the range of i32")]
 pub(crate) fn to_i32(value: f64) -> Option<i32> {
     let rounded = value.round();
     (rounded.abs() < f64::from(i32::MAX)).then_some(rounded as i32)
@@ -88,16 +82,10 @@ pub(crate) fn to_i32(value: f64) -> Option<i32> {
 mod tests {
     use super::*;
 
-    const INPUT: LayerInput = LayerInput {
-        scale: 0.1,
-        largest: 128.0,
-    };
+    const INPUT: LayerInput = LayerInput { scale: 0.1, largest: 128.0 };
 
     fn quantise(weights: &[f64], bias: f64, gain: f64) -> Result<IntegerLayer, ModelGenError> {
-        let layer = Layer {
-            weights: weights.to_vec(),
-            bias: vec![bias],
-        };
+        let layer = Layer { weights: weights.to_vec(), bias: vec![bias] };
         layer.quantise("test", &[gain], INPUT)
     }
 
@@ -105,12 +93,7 @@ mod tests {
     fn a_quantised_row_is_within_half_a_level_of_the_float_row() {
         let layer = quantise(&[0.5, -1.0], 3.0, 2.0).expect("an ordinary row");
         let x = [100, -50];
-        let sum: i32 = layer
-            .weights
-            .iter()
-            .zip(x)
-            .map(|(&w, x)| i32::from(w) * x)
-            .sum::<i32>()
+        let sum: i32 = layer.weights.iter().zip(x).map(|(&w, x)| i32::from(w) * x).sum::<i32>()
             + layer.bias[0];
         let output = f64::from(sum) * f64::from(layer.multipliers[0]) / 4_294_967_296.0;
         // The unquantised weights give an output of (0.5 * 10 - 1.0 * -5 + 3) * 2 = 26.
@@ -119,25 +102,15 @@ mod tests {
 
     #[test]
     fn a_row_without_weights_and_one_without_gain_are_representable() {
-        assert_eq!(
-            quantise(&[0.0, 0.0], 1.0, 2.0).expect("a dead row").weights,
-            [0, 0]
-        );
-        assert_eq!(
-            quantise(&[0.5, 1.0], 1.0, 0.0)
-                .expect("no gain")
-                .multipliers,
-            [0]
-        );
+        assert_eq!(quantise(&[0.0, 0.0], 1.0, 2.0).expect("a dead row").weights, [0, 0]);
+        assert_eq!(quantise(&[0.5, 1.0], 1.0, 0.0).expect("no gain").multipliers, [0]);
         assert!(quantise(&[0.0, 0.0], 0.0, 0.0).is_ok());
     }
 
     #[test]
     fn a_factor_beyond_a_half_and_an_accumulator_beyond_32_bits_are_refused() {
         let refused = |weights: &[f64], bias, gain| {
-            quantise(weights, bias, gain)
-                .expect_err("cannot be represented")
-                .to_string()
+            quantise(weights, bias, gain).expect_err("cannot be represented").to_string()
         };
         assert!(refused(&[1.0, 1.0], 0.0, 1e6).contains("factor"));
         assert!(refused(&vec![1.0; 200_000], 0.0, 1.0).contains("accumulator"));

@@ -70,17 +70,12 @@ window's middle       {} us before its last step",
 /// Writes the network's layers, the format of its codes, and its flash and RAM sizes.
 fn network(out: &mut String, model: &DeviceModel) -> std::fmt::Result {
     let (description, integers) = (&model.description, &model.integers);
-    writeln!(
-        out,
-        "\nlayers                weights      worst accumulator"
-    )?;
+    writeln!(out, "\nlayers                weights      worst accumulator")?;
     layers(out, integers)?;
     let (smallest, largest) = integers
         .code_scale
         .iter()
-        .fold((f32::INFINITY, 0.0_f32), |(low, high), &s| {
-            (low.min(s), high.max(s))
-        });
+        .fold((f32::INFINITY, 0.0_f32), |(low, high), &s| (low.min(s), high.max(s)));
     writeln!(
         out,
         "\ncode                  {} x {}, scales {smallest:.6} .. {largest:.6}",
@@ -127,16 +122,9 @@ substitution          {electrodes} electrodes, each from the others, {} B
 
 /// Writes the flash and RAM sizes of each part of the encoder, and their sums.
 fn memory(out: &mut String, parts: &[Part]) -> std::fmt::Result {
-    writeln!(
-        out,
-        "\nmemory                               flash        RAM"
-    )?;
+    writeln!(out, "\nmemory                               flash        RAM")?;
     for part in parts {
-        let Part {
-            name,
-            flash_bytes,
-            ram_bytes,
-        } = part;
+        let Part { name, flash_bytes, ram_bytes } = part;
         writeln!(out, "  {name:<34}{flash_bytes:>7} B  {ram_bytes:>7} B")?;
     }
     let flash: usize = parts.iter().map(|part| part.flash_bytes).sum();
@@ -219,9 +207,5 @@ fn layer(
         })
         .max()
         .unwrap_or(0);
-    writeln!(
-        out,
-        "  {name:<22}{:>7} B  {worst:>12}  of 2147483647",
-        weights.len()
-    )
+    writeln!(out, "  {name:<22}{:>7} B  {worst:>12}  of 2147483647", weights.len())
 }

@@ -28,12 +28,7 @@ pub struct Part {
 ///
 /// `hop` is the number of time steps from the start of one window to the start of the next.
 pub fn parts(model: &IntegerModel, hop: usize) -> Vec<Part> {
-    let Dimensions {
-        steps,
-        electrodes,
-        numbers,
-        ..
-    } = model.geometry.dimensions;
+    let Dimensions { steps, electrodes, numbers, .. } = model.geometry.dimensions;
     let open_windows = steps / hop;
     let mut parts = Vec::new();
     if !model.mode.has_network() {
@@ -61,11 +56,7 @@ pub fn parts(model: &IntegerModel, hop: usize) -> Vec<Part> {
 }
 
 fn convolutions(model: &IntegerModel) -> [Part; 3] {
-    let Dimensions {
-        rows: grid_rows,
-        columns: grid_columns,
-        ..
-    } = model.geometry.dimensions;
+    let Dimensions { rows: grid_rows, columns: grid_columns, .. } = model.geometry.dimensions;
     let margin = model.geometry.padding.pads()[1];
     let [_, rows, columns] = model.geometry.pooled;
     let [_, pool_rows, pool_columns] = model.geometry.pool;
@@ -104,16 +95,11 @@ fn convolutions(model: &IntegerModel) -> [Part; 3] {
             }
             .transformed_len(),
         ),
-        ConvKernel::Direct => (
-            "conv2, pool: direct",
-            framed_rows * framed_columns * CONV1_CHANNELS / 2,
-        ),
+        ConvKernel::Direct => {
+            ("conv2, pool: direct", framed_rows * framed_columns * CONV1_CHANNELS / 2)
+        }
     };
-    let edges = if model.geometry.padding.pads_time() {
-        2 * WORD * transformed + pool
-    } else {
-        0
-    };
+    let edges = if model.geometry.padding.pads_time() { 2 * WORD * transformed + pool } else { 0 };
     let matrices = pack::fully_connected(model);
     let fc = matrices.iter().flatten().map(Vec::len).sum::<usize>();
     [
@@ -127,10 +113,6 @@ fn convolutions(model: &IntegerModel) -> [Part; 3] {
             flash_bytes: WORD * (pack::convolution(model).len() + 2 * CONV2_CHANNELS),
             ram_bytes: WORD * PLANES * transformed + pool + edges,
         },
-        Part {
-            name: "fully connected".to_owned(),
-            flash_bytes: WORD * fc,
-            ram_bytes: 0,
-        },
+        Part { name: "fully connected".to_owned(), flash_bytes: WORD * fc, ram_bytes: 0 },
     ]
 }

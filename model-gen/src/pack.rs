@@ -98,10 +98,8 @@ pub fn fully_connected(model: &IntegerModel) -> Vec<Vec<Vec<Pair>>> {
     let weights: Vec<i8> = (0..flat * numbers)
         .map(|index| {
             let (input, output) = (index / numbers, index % numbers);
-            let (plane, rest) = (
-                input / (positions * CONV2_CHANNELS),
-                input % (positions * CONV2_CHANNELS),
-            );
+            let (plane, rest) =
+                (input / (positions * CONV2_CHANNELS), input % (positions * CONV2_CHANNELS));
             let (position, channel) = (rest / CONV2_CHANNELS, rest % CONV2_CHANNELS);
             model.fc.weights[output * flat + (channel * planes + plane) * positions + position]
         })
@@ -109,9 +107,7 @@ pub fn fully_connected(model: &IntegerModel) -> Vec<Vec<Vec<Pair>>> {
     let pieces = fc_pieces(model);
     let pairs = positions * CONV2_CHANNELS / 2 / pieces;
     let mut matrices = matrices(&weights, numbers, planes * pieces, pairs).into_iter();
-    (0..planes)
-        .map(|_| matrices.by_ref().take(pieces).collect())
-        .collect()
+    (0..planes).map(|_| matrices.by_ref().take(pieces).collect()).collect()
 }
 
 /// Returns the number of equal matrices, called pieces, into which the weights of the fully
@@ -126,9 +122,7 @@ pub fn fc_pieces(model: &IntegerModel) -> usize {
     let [_, rows, columns] = model.geometry.pooled;
     let pairs = rows * columns * CONV2_CHANNELS / 2;
     let fewest = pairs.div_ceil(Linear::MAX_INPUTS);
-    (fewest..=pairs)
-        .find(|pieces| pairs.is_multiple_of(8 * pieces))
-        .unwrap_or(pairs)
+    (fewest..=pairs).find(|pieces| pairs.is_multiple_of(8 * pieces)).unwrap_or(pairs)
 }
 
 /// Packs the linear shortcut and returns one matrix for each time step; PyTorch's order is
@@ -137,12 +131,7 @@ pub fn shortcut(model: &IntegerModel) -> Vec<Vec<Pair>> {
     if !model.mode.has_shortcut() {
         return Vec::new();
     }
-    let Dimensions {
-        steps,
-        electrodes,
-        numbers,
-        ..
-    } = model.geometry.dimensions;
+    let Dimensions { steps, electrodes, numbers, .. } = model.geometry.dimensions;
     let inputs = steps * electrodes;
     let weights: Vec<i8> = (0..inputs * numbers)
         .map(|index| model.shortcut.weights[index % numbers * inputs + index / numbers])

@@ -44,11 +44,7 @@ impl PackedIntegers {
         Ok(Self {
             model: model.clone(),
             input_multiplier,
-            misfit_energy: if is_weighted {
-                -misfit_energy
-            } else {
-                misfit_energy
-            },
+            misfit_energy: if is_weighted { -misfit_energy } else { misfit_energy },
             slices: slice_ends(electrodes, description.window.hop),
         })
     }
@@ -73,11 +69,7 @@ impl PackedIntegers {
 
     /// Returns the number of input pairs of a block, including the zeros that pad the last slice.
     pub fn input_pairs(&self) -> usize {
-        self.model
-            .analysis
-            .inputs()
-            .next_multiple_of(INPUTS_PER_ROUND)
-            / 2
+        self.model.analysis.inputs().next_multiple_of(INPUTS_PER_ROUND) / 2
     }
 }
 

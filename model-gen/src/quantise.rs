@@ -58,10 +58,8 @@ pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
     let code_gain: Vec<f64> = codes.scale.iter().map(|scale| 1.0 / scale).collect();
     range(artifact, "input.max_abs")?;
     let input_scale_uv = artifact.input_scale_uv()?;
-    let input = LayerInput {
-        scale: input_scale_uv / artifact.description.input.sd_uv,
-        largest: 128.0,
-    };
+    let input =
+        LayerInput { scale: input_scale_uv / artifact.description.input.sd_uv, largest: 128.0 };
 
     let convolutions = if mode.has_convolutions() {
         Convolutions::quantise(artifact, input, &code_gain)?
@@ -83,21 +81,10 @@ pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
     };
 
     let grid = ScalpGrid::new(&artifact.description);
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "a scalp grid has at most 144 cells"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "a scalp grid has at most 144 cells")]
     let cells = grid.cell_of_electrode().iter().map(|&cell| cell as u8);
-    let Convolutions {
-        hidden_padding,
-        conv1,
-        conv2,
-        fc,
-    } = convolutions;
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "scales are published as f32"
-    )]
+    let Convolutions { hidden_padding, conv1, conv2, fc } = convolutions;
+    #[expect(clippy::cast_possible_truncation, reason = "scales are published as f32")]
     Ok(IntegerModel {
         mode,
         geometry: Geometry::new(&artifact.description),
@@ -139,26 +126,14 @@ impl Convolutions {
         } else {
             [0; CONV1_CHANNELS]
         };
-        let hidden = LayerInput {
-            scale: hidden_scale,
-            largest: largest_hidden(&hidden_padding).into(),
-        };
-        let pooled = LayerInput {
-            scale: pooled_scale,
-            largest: 255.0,
-        };
+        let hidden =
+            LayerInput { scale: hidden_scale, largest: largest_hidden(&hidden_padding).into() };
+        let pooled = LayerInput { scale: pooled_scale, largest: 255.0 };
 
-        let conv1 = Layer::read(
-            artifact,
-            "encoder.conv1",
-            &[CONV1_CHANNELS, 1, KERNEL, KERNEL, KERNEL],
-        )?;
+        let conv1 =
+            Layer::read(artifact, "encoder.conv1", &[CONV1_CHANNELS, 1, KERNEL, KERNEL, KERNEL])?;
         // Use the magnitudes of norm1's factors: `absorb` folds the signs into conv2's weights.
-        let gain1: Vec<f64> = norm1
-            .factor
-            .iter()
-            .map(|g| g.abs() / hidden.scale)
-            .collect();
+        let gain1: Vec<f64> = norm1.factor.iter().map(|g| g.abs() / hidden.scale).collect();
         let conv1 = conv1.quantise("conv1", &gain1, input)?;
 
         let mut conv2 = Layer::read(
@@ -173,18 +148,10 @@ impl Convolutions {
         let gain2: Vec<f64> = norm2.factor.iter().map(|g| g / pooled.scale).collect();
         let conv2 = conv2.quantise("conv2", &gain2, hidden)?;
 
-        let mut fc = Layer::read(
-            artifact,
-            "encoder.fc",
-            &[geometry.dimensions.numbers, geometry.flat()],
-        )?;
+        let mut fc =
+            Layer::read(artifact, "encoder.fc", &[geometry.dimensions.numbers, geometry.flat()])?;
         fc.absorb(&norm2, geometry.pooled.iter().product());
-        Ok(Self {
-            hidden_padding,
-            conv1,
-            conv2,
-            fc: fc.quantise("fc", code_gain, pooled)?,
-        })
+        Ok(Self { hidden_padding, conv1, conv2, fc: fc.quantise("fc", code_gain, pooled)? })
     }
 }
 
@@ -220,12 +187,7 @@ impl Norm {
             .zip(&variance)
             .map(|(w, v)| w / (v + f64::from(NORM_EPSILON)).sqrt())
             .collect();
-        let offset = bias
-            .iter()
-            .zip(&factor)
-            .zip(&mean)
-            .map(|((b, g), m)| b - g * m)
-            .collect();
+        let offset = bias.iter().zip(&factor).zip(&mean).map(|((b, g), m)| b - g * m).collect();
         Ok(Self { factor, offset })
     }
 
@@ -304,10 +266,7 @@ impl CodeScales {
         let numbers = artifact.description.code.numbers;
         let smallest = artifact.calibration.tensor("code.min", &[numbers])?;
         let largest = artifact.calibration.tensor("code.max", &[numbers])?;
-        let mut codes = Self {
-            scale: vec![1.0; numbers],
-            zero_point: vec![0; numbers],
-        };
+        let mut codes = Self { scale: vec![1.0; numbers], zero_point: vec![0; numbers] };
         for j in 0..numbers {
             // Extend the range to contain 0, so that the zero point fits int8.
             let low = f64::from(smallest[j]).min(0.0);

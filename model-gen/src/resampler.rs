@@ -106,9 +106,7 @@ impl ResamplerTable {
     /// Returns the taps of each phase as f64; each phase sums to 1.
     pub fn phase_responses(&self) -> impl Iterator<Item = Vec<f64>> {
         let real = |tap: &i32| f64::from(*tap) / f64::from(UNITY);
-        self.taps
-            .iter()
-            .map(move |phase| phase.iter().map(real).collect())
+        self.taps.iter().map(move |phase| phase.iter().map(real).collect())
     }
 
     /// Returns the quantised impulse response of the low-pass before it is split into phases: its
@@ -140,36 +138,19 @@ impl ResamplerTable {
 /// Designs the anti-aliasing low-pass and splits it into `phases` phases. Returns the taps of each
 /// phase, normalised to a gain of 1 at DC and quantised.
 fn low_pass(rate_hz: u32, phases: usize, electrodes: usize) -> Result<Vec<Vec<i32>>, FilterError> {
-    let taps = rate_hz
-        .div_ceil(SPANS_PER_SECOND)
-        .next_multiple_of(TAPS_MULTIPLE) as usize;
+    let taps = rate_hz.div_ceil(SPANS_PER_SECOND).next_multiple_of(TAPS_MULTIPLE) as usize;
     for (what, words) in [
-        (
-            format!("the delay line of {electrodes} electrodes"),
-            electrodes * taps,
-        ),
+        (format!("the delay line of {electrodes} electrodes"), electrodes * taps),
         ("the table of taps".to_owned(), phases * taps),
     ] {
         let bytes = words * size_of::<i32>();
         if bytes > LARGEST_BYTES {
-            return Err(FilterError::ResamplerSize {
-                what,
-                rate_hz,
-                phases,
-                taps,
-                bytes,
-            });
+            return Err(FilterError::ResamplerSize { what, rate_hz, phases, taps, bytes });
         }
     }
-    let prototype = kaiser_low_pass(
-        phases * taps,
-        CUTOFF_HZ,
-        KAISER_BETA,
-        f64::from(rate_hz) * real(phases),
-    );
-    Ok((0..phases)
-        .map(|phase| quantise(prototype.iter().skip(phase).step_by(phases)))
-        .collect())
+    let prototype =
+        kaiser_low_pass(phases * taps, CUTOFF_HZ, KAISER_BETA, f64::from(rate_hz) * real(phases));
+    Ok((0..phases).map(|phase| quantise(prototype.iter().skip(phase).step_by(phases))).collect())
 }
 
 /// Returns the taps of a symmetric low-pass: a sinc times a Kaiser window of shape `beta`, -6 dB at
@@ -196,11 +177,7 @@ pub fn kaiser_low_pass(taps: usize, cutoff_hz: f64, beta: f64, rate_hz: f64) -> 
 
 /// Returns the normalised sinc, `sin(pi x) / (pi x)`, and 1 at 0.
 fn sinc(x: f64) -> f64 {
-    if x == 0.0 {
-        1.0
-    } else {
-        (PI * x).sin() / (PI * x)
-    }
+    if x == 0.0 { 1.0 } else { (PI * x).sin() / (PI * x) }
 }
 
 /// Returns the modified Bessel function of the first kind, order 0: the sum of `((x / 2)^k / k!)^2`
@@ -234,11 +211,7 @@ fn quantise<'a>(taps: impl Iterator<Item = &'a f64> + Clone) -> Vec<i32> {
 }
 
 fn greatest_common_divisor(a: u32, b: u32) -> u32 {
-    if b == 0 {
-        a
-    } else {
-        greatest_common_divisor(b, a % b)
-    }
+    if b == 0 { a } else { greatest_common_divisor(b, a % b) }
 }
 
 #[expect(clippy::cast_precision_loss, reason = "a table has thousands of taps")]

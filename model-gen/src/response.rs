@@ -62,11 +62,7 @@ pub fn decay_samples(sections: &[Section]) -> Result<usize, FilterError> {
     if samples > MAX_SAMPLES || samples.is_nan() {
         return Err(FilterError::SlowDecay(slowest, samples));
     }
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "16..=2^22"
-    )]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "16..=2^22")]
     Ok(samples as usize)
 }
 

@@ -45,12 +45,7 @@ pub fn upload(artifact: &Artifact) -> Result<Option<Vec<u8>>, ModelGenError> {
     for Pair(pair) in analysis.chain(packed.prediction()) {
         bytes.extend(pair.to_le_bytes());
     }
-    for factor in model
-        .analysis
-        .factors
-        .iter()
-        .chain(&model.prediction.factors)
-    {
+    for factor in model.analysis.factors.iter().chain(&model.prediction.factors) {
         bytes.extend(factor.to_le_bytes());
     }
     for start in model.starts.as_flattened().as_flattened() {

@@ -45,10 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut golden = String::new();
     filters(&mut golden)?;
     let (count, digests) = (kernels::NETWORKS, kernels::digests());
-    writeln!(
-        golden,
-        "pub(crate) const KERNELS: [u32; {count}] = {digests:?};"
-    )?;
+    writeln!(golden, "pub(crate) const KERNELS: [u32; {count}] = {digests:?};")?;
     windows(&mut golden)?;
     codes(&mut golden, "CODES_50", Mains::Hz50)?;
     codes(&mut golden, "CODES_60", Mains::Hz60)?;
@@ -168,10 +165,7 @@ fn codes(golden: &mut String, name: &str, mains: Mains) -> Result<(), Box<dyn Er
         .filter_map(|sample| encoder.encode_step(&acquisition.process_sample(&sample)?));
     let codes: Vec<_> = codes.take(CODES).collect();
     let codes = format!("{codes:?}").replace("values: Int", "values: CodeValues::Int");
-    writeln!(
-        golden,
-        "pub(crate) static {name}: [Code; {CODES}] = {codes};"
-    )?;
+    writeln!(golden, "pub(crate) static {name}: [Code; {CODES}] = {codes};")?;
     Ok(())
 }
 
@@ -181,10 +175,7 @@ fn features(golden: &mut String) -> Result<(), Box<dyn Error>> {
     extractor.set_filters(signal::filters());
     let hops = signal::samples()
         .filter_map(|sample| extractor.add_step(&acquisition.process_sample(&sample)?));
-    let rows: Vec<Vec<u8>> = hops
-        .take(HOPS)
-        .map(|features| features.levels().to_vec())
-        .collect();
+    let rows: Vec<Vec<u8>> = hops.take(HOPS).map(|features| features.levels().to_vec()).collect();
     writeln!(
         golden,
         "pub(crate) static FEATURES: [[u8; {}]; {HOPS}] = {rows:?};",
@@ -201,11 +192,7 @@ fn blocks(golden: &mut String) -> Result<(), Box<dyn Error>> {
     let mut samples = signal::samples();
     let mut blocks = Vec::new();
     // If the model has no packed code, the state is empty, and no step completes a block.
-    let count = if encoder.state().is_empty() {
-        0
-    } else {
-        BLOCKS
-    };
+    let count = if encoder.state().is_empty() { 0 } else { BLOCKS };
     for block in 0..count {
         encoder.set_rate(Rate::new(block % 16).ok_or("16 rates")?);
         let block =
@@ -232,15 +219,10 @@ fn frame(golden: &mut String, name: &str, dump: &str) -> Result<(), Box<dyn Erro
     let open = format!("```hex {dump}\n");
     let (_, block) = document.split_once(&open).ok_or(open)?;
     let (block, _) = block.split_once("```").ok_or("a block has an end")?;
-    let bytes = block
-        .split_whitespace()
-        .map(|byte| u8::from_str_radix(byte, 16));
+    let bytes = block.split_whitespace().map(|byte| u8::from_str_radix(byte, 16));
     let bytes: Vec<u8> = bytes.collect::<Result<_, _>>()?;
     let length = bytes.len();
-    writeln!(
-        golden,
-        "pub(crate) const {name}: [u8; {length}] = {bytes:?};"
-    )?;
+    writeln!(golden, "pub(crate) const {name}: [u8; {length}] = {bytes:?};")?;
     Ok(())
 }
 

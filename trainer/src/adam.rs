@@ -31,21 +31,14 @@ impl Adam {
         for tensor in TENSORS.iter().filter(|tensor| tensor.is_trained()) {
             *tensor.of_mut(&mut rest) = vec![0.0; tensor.of(&parameters.weights).len()];
         }
-        Self {
-            updates: 0,
-            mean: rest.clone(),
-            square: rest,
-        }
+        Self { updates: 0, mean: rest.clone(), square: rest }
     }
 
     /// Moves the parameters against their gradients, with learning rate `rate`.
     ///
     /// # Panics
     /// If a tensor has no gradient.
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "a rate and its corrections are f32"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "a rate and its corrections are f32")]
     pub fn update(&mut self, parameters: &mut Parameters, gradients: &Weights, rate: f64) {
         self.updates += 1;
         let exponent = i32::try_from(self.updates).unwrap_or(i32::MAX);
@@ -56,12 +49,7 @@ impl Adam {
             let rate = rate * tensor.rate_factor();
             let values = tensor.of_mut(&mut parameters.weights);
             let gradients = tensor.of(gradients);
-            assert_eq!(
-                values.len(),
-                gradients.len(),
-                "the gradient of {}",
-                tensor.name
-            );
+            assert_eq!(values.len(), gradients.len(), "the gradient of {}", tensor.name);
             let mean = tensor.of_mut(&mut self.mean).iter_mut();
             let state = mean.zip(tensor.of_mut(&mut self.square));
             for ((value, gradient), (mean, square)) in values.iter_mut().zip(gradients).zip(state) {

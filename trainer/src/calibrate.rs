@@ -47,11 +47,7 @@ pub(crate) fn calibrated_artifact(
         calibration.insert("activation1.max", &[1], vec![first]);
         calibration.insert("activation2.max", &[1], vec![second]);
     }
-    Ok(Artifact::new(
-        description,
-        parameters.to_tensors(),
-        calibration,
-    )?)
+    Ok(Artifact::new(description, parameters.to_tensors(), calibration)?)
 }
 
 #[cfg(test)]
@@ -93,10 +89,7 @@ mod tests {
         let artifact = testing::model(&parameters, &dataset);
         for (name, reach) in [("code.min", -MIN_RANGE), ("code.max", MIN_RANGE)] {
             let mut values = range(&artifact, name).iter();
-            assert!(
-                values.all(|value| (value - reach).abs() < f32::EPSILON),
-                "{name}"
-            );
+            assert!(values.all(|value| (value - reach).abs() < f32::EPSILON), "{name}");
         }
     }
 }

@@ -83,14 +83,7 @@ fn choice<T: DeserializeOwned + Clone + Send + Sync + 'static, const N: usize>(
 impl fmt::Display for Shape {
     /// Writes the shape as text, without the code format, which does not change the training.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            mode,
-            numbers,
-            steps,
-            hop,
-            padding,
-            format: _,
-        } = self;
+        let Self { mode, numbers, steps, hop, padding, format: _ } = self;
         write!(
             f,
             "mode {mode}, {numbers} numbers, windows of {steps} steps, hop {hop}, padding {padding}"
@@ -126,19 +119,9 @@ pub(crate) fn description(montage: &MontageFile, shape: Shape) -> Description {
     Description {
         format: 1,
         mode: shape.mode,
-        window: Window {
-            steps: shape.steps,
-            hop: shape.hop,
-            rate_hz: STEP_RATE_HZ,
-        },
-        network: NetworkShape {
-            padding: shape.padding,
-            pool: [2, 2, 2],
-        },
-        code: CodeQuantisation {
-            numbers: shape.numbers,
-            format: shape.format,
-        },
+        window: Window { steps: shape.steps, hop: shape.hop, rate_hz: STEP_RATE_HZ },
+        network: NetworkShape { padding: shape.padding, pool: [2, 2, 2] },
+        code: CodeQuantisation { numbers: shape.numbers, format: shape.format },
         grid: montage.grid(),
         montage: montage.montage(),
         adc,
@@ -220,25 +203,13 @@ pub(crate) fn description_to_compare(
 ) -> Result<Description, TrainerError> {
     let mistakes = MontageCheck::new(montage).mistakes;
     if !mistakes.is_empty() {
-        return Err(TrainerError::MontageMistakes {
-            name: montage.name.clone(),
-            mistakes,
-        });
+        return Err(TrainerError::MontageMistakes { name: montage.name.clone(), mistakes });
     }
     let description = description(montage, shape);
     artifact::check_description(&description).map_err(TrainerError::Shape)?;
-    let Dimensions {
-        steps,
-        electrodes,
-        numbers,
-        ..
-    } = description.dimensions();
+    let Dimensions { steps, electrodes, numbers, .. } = description.dimensions();
     if numbers > steps * electrodes {
-        return Err(TrainerError::TooManyNumbers {
-            numbers,
-            steps,
-            electrodes,
-        });
+        return Err(TrainerError::TooManyNumbers { numbers, steps, electrodes });
     }
     Ok(description)
 }

@@ -56,9 +56,7 @@ pub(crate) fn check(options: &CheckOptions) -> Result<Checked, TrainerError> {
     let golden = golden.transpose().map_err(TrainerError::no_model(folder))?;
     let integers = DeviceModel::new(&model)?.integers;
     let table = model.substitution.as_ref();
-    let radius = table
-        .map(|table| largest_radius(table, &model.description))
-        .transpose()?;
+    let radius = table.map(|table| largest_radius(table, &model.description)).transpose()?;
     let code = &model.description.code;
     let codes = golden.map(|golden| CheckedCodes {
         bits_per_window: code.format.bits(code.numbers),
@@ -115,11 +113,7 @@ impl Checked {
 
 impl fmt::Display for Checked {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(
-            f,
-            "model {}: files, ranges and filters are valid",
-            self.model
-        )?;
+        writeln!(f, "model {}: files, ranges and filters are valid", self.model)?;
         match &self.codes {
             Some(codes) => write!(f, "{codes}")?,
             None => writeln!(f, "the model has no network, so it has no golden codes")?,

@@ -45,10 +45,7 @@ pub(crate) fn read(
     let (mode, geometry) = (description.mode, Geometry::new(description));
     let bytes = std::fs::read(path).map_err(TrainerError::file(path))?;
     let (_, header) = SafeTensors::read_metadata(&bytes).map_err(|error| damaged(path, &error))?;
-    let state = header
-        .metadata()
-        .as_ref()
-        .and_then(|entries| entries.get(STATE));
+    let state = header.metadata().as_ref().and_then(|entries| entries.get(STATE));
     let state = state.ok_or_else(|| damaged(path, &"it has no state"))?;
     let state: State = serde_json::from_str(state).map_err(|error| damaged(path, &error))?;
     let expected = training_identity(settings, data);
@@ -95,11 +92,7 @@ pub(crate) fn read(
         epoch,
         cycle_start: state.cycle_start,
         parameters: parameters("current")?,
-        adam: Adam {
-            updates: state.updates,
-            mean: moments("mean")?,
-            square: moments("square")?,
-        },
+        adam: Adam { updates: state.updates, mean: moments("mean")?, square: moments("square")? },
         best: Candidate {
             epoch: state.best_epoch,
             validation: state.best_validation,
@@ -210,10 +203,7 @@ mod tests {
         assert_eq!(resumed, through);
 
         let seed = SETTINGS.seed + 1;
-        for (settings, data) in [
-            (SETTINGS, "others"),
-            (Settings { seed, ..SETTINGS }, "these"),
-        ] {
+        for (settings, data) in [(SETTINGS, "others"), (Settings { seed, ..SETTINGS }, "these")] {
             let error = read_with(&path, settings, data).unwrap_err();
             let is_other = matches!(error, TrainerError::OtherTraining(..));
             assert!(is_other, "{error}");
@@ -242,9 +232,6 @@ mod tests {
         run.run_epoch(&mut longer);
         // The epoch has changed the parameters, so the new cycle begins with a rate above 0.
         assert_ne!(longer.parameters, before);
-        assert_eq!(
-            (longer.epoch, longer.settings.epochs, longer.cycle_start),
-            (3, 5, 2)
-        );
+        assert_eq!((longer.epoch, longer.settings.epochs, longer.cycle_start), (3, 5, 2));
     }
 }

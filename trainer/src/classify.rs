@@ -60,13 +60,7 @@ pub(crate) fn train(
     let artifact = Artifact::read(folder).map_err(TrainerError::no_model(folder))?;
     let description = &artifact.description;
     let (filters, window_s) = (options.filters, options.window);
-    let plan = Plan::new(
-        &options.events,
-        &options.task,
-        filters,
-        window_s,
-        description,
-    )?;
+    let plan = Plan::new(&options.events, &options.task, filters, window_s, description)?;
     let selected = options.files.find()?;
     let inputs = [&selected.train[..], &selected.test].concat();
     let existing = Existing::from_force(options.force);
@@ -91,8 +85,7 @@ pub(crate) fn train(
         training.test = Some(figures::figures(&decided, plan.classes().len()));
     }
     let mut write = || {
-        file.write_all(classifier.to_toml()?.as_bytes())
-            .map_err(TrainerError::file(&options.out))
+        file.write_all(classifier.to_toml()?.as_bytes()).map_err(TrainerError::file(&options.out))
     };
     write()?;
     file.finish()?;
@@ -106,13 +99,7 @@ pub(crate) fn train(
         classifier,
         path: options.out.clone(),
         courses,
-        electrodes: description
-            .montage
-            .electrodes
-            .iter()
-            .cloned()
-            .zip(cells)
-            .collect(),
+        electrodes: description.montage.electrodes.iter().cloned().zip(cells).collect(),
     })
 }
 
@@ -135,12 +122,7 @@ fn read(
 
 impl Trained {
     pub(crate) fn to_json(&self) -> Json {
-        let Classifier {
-            decision,
-            band,
-            training,
-            ..
-        } = &self.classifier;
+        let Classifier { decision, band, training, .. } = &self.classifier;
         json!({
             "id": format!("{:08x}", self.classifier.id()),
             "file": self.path,
@@ -155,18 +137,12 @@ impl Trained {
 
 impl fmt::Display for Trained {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Classifier {
-            decision, training, ..
-        } = &self.classifier;
+        let Classifier { decision, training, .. } = &self.classifier;
         let classes = decision.classes.iter().zip(&training.trials);
         let classes = classes.map(|(class, trials)| format!("{trials} of {}", class.event));
         let classes = classes.collect::<Vec<_>>().join(", ");
         writeln!(f, "trials: {classes}")?;
-        let labels: Vec<&str> = decision
-            .classes
-            .iter()
-            .map(|class| class.event.as_str())
-            .collect();
+        let labels: Vec<&str> = decision.classes.iter().map(|class| class.event.as_str()).collect();
         let cross_validation = training.cross_validation.iter();
         let cross_validation = cross_validation.map(|figures| ("each left out in turn", figures));
         for (title, part) in cross_validation.chain(training.test.iter().map(|f| ("test", f))) {

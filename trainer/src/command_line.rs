@@ -209,9 +209,7 @@ fn cross_validate(args: &CrossvalArgs) -> Result<ExitCode, TrainerError> {
         return Ok(ExitCode::SUCCESS);
     };
     new_file::print(&table)?;
-    terminal.message(&format!(
-        "table.md, table.csv and table.json written to {out}"
-    ));
+    terminal.message(&format!("table.md, table.csv and table.json written to {out}"));
     if let Some(folder) = &report.report {
         report::write_crossval(folder, &table)?;
         terminal.message(&report::message(folder));

@@ -68,22 +68,13 @@ impl Comparison {
         mut loss: Option<CodingLoss>,
     ) -> Result<Self, TrainerError> {
         let description = &model.description;
-        let is_recorded = |label: &String| {
-            !tracks
-                .iter()
-                .any(|track| track.interpolated.contains(label))
-        };
+        let is_recorded =
+            |label: &String| !tracks.iter().any(|track| track.interpolated.contains(label));
         let codes = if description.mode.has_network() {
             let mut dataset = Dataset::from_tracks(tracks, description.dimensions())?;
             dataset.scale(1.0 / description.input.sd_uv);
             let loss = loss.as_mut();
-            Some(CodeComparison::new(
-                model,
-                pca,
-                &dataset,
-                is_recorded,
-                loss,
-            )?)
+            Some(CodeComparison::new(model, pca, &dataset, is_recorded, loss)?)
         } else {
             None
         };
@@ -200,9 +191,7 @@ impl fmt::Display for Comparison {
         writeln!(f, "\nKLT of a block, coded alike, without prediction")?;
         writeln!(f, "rate   bits of a block       MSE")?;
         for figures in &self.without_prediction {
-            let PackedFigures {
-                rate, bits, mse, ..
-            } = figures;
+            let PackedFigures { rate, bits, mse, .. } = figures;
             writeln!(f, "{rate:>4} {bits:>17.1} {mse:>9.5}")?;
         }
         Ok(())
@@ -212,10 +201,7 @@ impl fmt::Display for Comparison {
 /// Returns the figures of the Karhunen-Loeve transform from the packed model's training card; empty
 /// unless `tracks` are the card's test recordings.
 fn without_prediction(model: &Artifact, tracks: &[Track]) -> Vec<PackedFigures> {
-    let card = model
-        .packed
-        .as_ref()
-        .map(|packed| &packed.description.training);
+    let card = model.packed.as_ref().map(|packed| &packed.description.training);
     let names = tracks.iter().map(|track| &track.name);
     let of_these = card.filter(|card| names.eq(&card.test_files));
     of_these.map_or_else(Vec::new, |card| card.without_prediction.clone())
@@ -250,11 +236,7 @@ pub(crate) fn compare_for(
     let model = Artifact::read(folder)?;
     let pca = Pca::read(folder)?;
     let card = &model.description.training;
-    let names = if files.test.is_empty() {
-        &card.test_files
-    } else {
-        &files.test
-    };
+    let names = if files.test.is_empty() { &card.test_files } else { &files.test };
     if names.is_empty() {
         return Err(TrainerError::NothingToTest);
     }
@@ -273,11 +255,7 @@ pub(crate) fn compare_for(
     }
     let mains_hz = files.mains_hz.unwrap_or(card.mains_hz);
     let tracks = read_tracks(&recordings, &model.description, mains_hz, observer)?;
-    let recorded = if PersonError::is_measured(&model) {
-        tracks.clone()
-    } else {
-        Vec::new()
-    };
+    let recorded = if PersonError::is_measured(&model) { tracks.clone() } else { Vec::new() };
     let electrodes = &model.description.montage.electrodes;
     let people = People::new(tracks, electrodes, files.subject.as_deref(), observer)?;
     let loss = loss.map(|options| {

@@ -138,11 +138,7 @@ pub(crate) fn run(
         observer.fold_started(&fold.name(), number + 1, missing.len());
         let data = if options.leave_one_person_out {
             let (others, test) = people.leave_out(&fold.subject);
-            Data {
-                training: others.at_equal_power(observer),
-                recorded: others.tracks,
-                test,
-            }
+            Data { training: others.at_equal_power(observer), recorded: others.tracks, test }
         } else {
             Data::of_fold(&people.tracks, fold, description.window.steps)
         };
@@ -170,12 +166,7 @@ fn identity(options: &CrossvalOptions, montage: &str, people: &str, fold: &Fold)
     let test = if options.leave_one_person_out {
         format!("each of {people} with a model of the others")
     } else {
-        format!(
-            "{} folds of {} in {} repetitions",
-            options.folds,
-            fold.kind(),
-            options.repetitions
-        )
+        format!("{} folds of {} in {} repetitions", options.folds, fold.kind(), options.repetitions)
     };
     format!(
         "montage {montage}, {}, codes {}, mains {} Hz; {} epochs in {}; {test}",

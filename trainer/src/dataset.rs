@@ -30,13 +30,8 @@ impl Dataset {
         tracks: &[Track],
         dimensions: Dimensions,
     ) -> Result<Self, TrainerError> {
-        tracks
-            .iter()
-            .try_for_each(|track| require(track, dimensions.steps))?;
-        Ok(Self {
-            dimensions,
-            segments: tracks.iter().map(|track| track.values.clone()).collect(),
-        })
+        tracks.iter().try_for_each(|track| require(track, dimensions.steps))?;
+        Ok(Self { dimensions, segments: tracks.iter().map(|track| track.values.clone()).collect() })
     }
 
     /// Splits every track: the last eighth is for validation, the rest for training. The steps of
@@ -50,9 +45,7 @@ impl Dataset {
             training: Self::from_segments(Vec::new(), dimensions),
             validation: Self::from_segments(Vec::new(), dimensions),
         };
-        let Dimensions {
-            steps, electrodes, ..
-        } = dimensions;
+        let Dimensions { steps, electrodes, .. } = dimensions;
         for track in tracks {
             require(track, 2 * VALIDATION_PART * steps)?;
             let at = track.steps() - track.steps() / VALIDATION_PART;
@@ -74,10 +67,7 @@ impl Dataset {
             segments.iter().all(|values| values.len() >= window),
             "every segment must hold a window"
         );
-        Self {
-            dimensions,
-            segments,
-        }
+        Self { dimensions, segments }
     }
 
     pub(crate) fn dimensions(&self) -> Dimensions {
@@ -111,9 +101,8 @@ impl Dataset {
     /// deviation, because the band-pass removes the mean.
     pub(crate) fn deviation(&self) -> f64 {
         let values = self.segments.iter().flatten();
-        let (count, sum) = values.fold((0_u64, 0.0), |(count, sum), value| {
-            (count + 1, sum + f64::from(*value).powi(2))
-        });
+        let (count, sum) = values
+            .fold((0_u64, 0.0), |(count, sum), value| (count + 1, sum + f64::from(*value).powi(2)));
         let mean = sum / count as f64;
         mean.sqrt()
     }
@@ -194,11 +183,7 @@ impl TrainingSet {
         for part in [&mut split.training, &mut split.validation, &mut whole] {
             part.scale(1.0 / sd_uv);
         }
-        Ok(Self {
-            split,
-            whole,
-            sd_uv,
-        })
+        Ok(Self { split, whole, sd_uv })
     }
 
     /// Returns the principal directions of the training part, one for each value of a code.
@@ -222,11 +207,7 @@ fn require(track: &Track, needed: usize) -> Result<(), TrainerError> {
     if steps >= needed {
         return Ok(());
     }
-    Err(TrainerError::TooShort {
-        name: track.name.clone(),
-        steps,
-        needed,
-    })
+    Err(TrainerError::TooShort { name: track.name.clone(), steps, needed })
 }
 
 #[cfg(test)]
@@ -272,11 +253,7 @@ mod tests {
         let dataset = Dataset::from_tracks(&[ramp(20), ramp(17)], dimensions()).unwrap();
         let draw = |seed| -> Vec<f32> {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
-            dataset
-                .random(200, &mut rng)
-                .iter()
-                .map(|window| window[0])
-                .collect()
+            dataset.random(200, &mut rng).iter().map(|window| window[0]).collect()
         };
         assert_eq!(draw(1), draw(1));
         assert_ne!(draw(1), draw(2));
@@ -288,9 +265,6 @@ mod tests {
     #[test]
     fn the_error_of_a_short_track_names_it() {
         let error = Dataset::split(&[ramp(200)], dimensions()).unwrap_err();
-        assert!(
-            error.to_string().starts_with("ramp has 200 time steps"),
-            "{error}"
-        );
+        assert!(error.to_string().starts_with("ramp has 200 time steps"), "{error}");
     }
 }

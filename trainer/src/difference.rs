@@ -90,10 +90,7 @@ impl Difference {
         });
         let parts = [
             ("packed models", packed[0] != packed[1]),
-            (
-                "tables of substitutions",
-                substitution[0] != substitution[1],
-            ),
+            ("tables of substitutions", substitution[0] != substitution[1]),
             ("golden codes", golden_differ),
         ];
         let parts = parts.into_iter().filter(|(_, differ)| *differ);
@@ -172,37 +169,29 @@ fn compare_fields(
         field: name.clone(),
         values: [one, other].map(|fields| fields.get(name).cloned()),
     });
-    fields
-        .filter(|field| field.values[0] != field.values[1])
-        .collect()
+    fields.filter(|field| field.values[0] != field.values[1]).collect()
 }
 
 fn compare(file: &str, one: &Tensors, other: &Tensors) -> Vec<TensorDifference> {
     let shapes = |tensors: &Tensors| -> BTreeMap<String, Vec<usize>> {
         let shapes = tensors.shapes();
-        shapes
-            .map(|(name, shape)| (name.to_owned(), shape.to_vec()))
-            .collect()
+        shapes.map(|(name, shape)| (name.to_owned(), shape.to_vec())).collect()
     };
     let (ones, others) = (shapes(one), shapes(other));
     let names: BTreeSet<&String> = ones.keys().chain(others.keys()).collect();
     let kind = |name: &String| {
         let shapes = [ones.get(name).cloned(), others.get(name).cloned()];
         match &shapes {
-            [Some(shape), Some(same)] if shape == same => values(
-                one.tensor(name, shape).ok()?,
-                other.tensor(name, shape).ok()?,
-            ),
+            [Some(shape), Some(same)] if shape == same => {
+                values(one.tensor(name, shape).ok()?, other.tensor(name, shape).ok()?)
+            }
             _ => Some(Kind::Shapes { shapes }),
         }
     };
     names
         .into_iter()
         .filter_map(|name| {
-            Some(TensorDifference {
-                tensor: format!("{file}: {name}"),
-                kind: kind(name)?,
-            })
+            Some(TensorDifference { tensor: format!("{file}: {name}"), kind: kind(name)? })
         })
         .collect()
 }
@@ -233,9 +222,7 @@ impl fmt::Display for Difference {
         }
         writeln!(f, "{one} -> {other}")?;
         for FieldDifference { field, values } in &self.fields {
-            let [one, other] = values
-                .each_ref()
-                .map(|value| value.as_deref().unwrap_or("-"));
+            let [one, other] = values.each_ref().map(|value| value.as_deref().unwrap_or("-"));
             writeln!(f, "{field}: {one} -> {other}")?;
         }
         for TensorDifference { tensor, kind } in &self.tensors {
@@ -250,12 +237,7 @@ impl fmt::Display for Difference {
                     });
                     writeln!(f, "{tensor}: {one} -> {other}")?;
                 }
-                Kind::Values {
-                    differ,
-                    elements,
-                    largest,
-                    relative_rms,
-                } => writeln!(
+                Kind::Values { differ, elements, largest, relative_rms } => writeln!(
                     f,
                     "{tensor}: {differ} of {elements} elements differ, by at most {largest:.3e}, RMS {:.3} %",
                     100.0 * relative_rms

@@ -30,10 +30,7 @@ pub(crate) struct ElectrodeSums {
 
 impl ElectrodeSums {
     pub(crate) fn new(electrodes: usize) -> Self {
-        Self {
-            squares: vec![[0.0; 2]; electrodes],
-            steps: 0,
-        }
+        Self { squares: vec![[0.0; 2]; electrodes], steps: 0 }
     }
 
     /// Adds the errors of a block of windows to the sums.
@@ -48,9 +45,7 @@ impl ElectrodeSums {
 
     fn add_window(&mut self, window: &Window, float: &[f32], integer: &[f32]) {
         let electrodes = self.squares.len();
-        let decoded = float
-            .chunks_exact(electrodes)
-            .zip(integer.chunks_exact(electrodes));
+        let decoded = float.chunks_exact(electrodes).zip(integer.chunks_exact(electrodes));
         for (original, (float, integer)) in window.chunks_exact(electrodes).zip(decoded) {
             for (electrode, [of_float, of_integer]) in self.squares.iter_mut().enumerate() {
                 *of_float += f64::from(original[electrode] - float[electrode]).powi(2);

@@ -6,10 +6,7 @@ use std::path::{Path, PathBuf};
 
 /// An error that ends a command.
 #[derive(Debug, thiserror::Error)]
-#[expect(
-    missing_docs,
-    reason = "the messages say what each variant and its fields mean"
-)]
+#[expect(missing_docs, reason = "the messages say what each variant and its fields mean")]
 pub enum TrainerError {
     // Usage errors, which the user can correct on the command line.
     /// The model already has the part that the text names.
@@ -24,11 +21,7 @@ pub enum TrainerError {
     ArtifactExists(PathBuf),
     /// A name matches no recording in a folder; `found` lists the folder's recordings.
     #[error("no recording in {} ends with {name}; {}", folder.display(), found_words(found))]
-    NothingFound {
-        name: String,
-        folder: PathBuf,
-        found: Vec<String>,
-    },
+    NothingFound { name: String, folder: PathBuf, found: Vec<String> },
     #[error("{} has no recording; recordings end with .edf, .bdf or .gdf", .0.display())]
     EmptyFolder(PathBuf),
     #[error("no recording matches {0}; recordings end with .edf, .bdf or .gdf")]
@@ -58,11 +51,7 @@ pub enum TrainerError {
         steps * electrodes,
         steps * electrodes
     )]
-    TooManyNumbers {
-        numbers: usize,
-        steps: usize,
-        electrodes: usize,
-    },
+    TooManyNumbers { numbers: usize, steps: usize, electrodes: usize },
     #[error("no model can have this shape; see `trainer train --help`")]
     Shape(#[source] artifact::ArtifactError),
     #[error(
@@ -85,22 +74,13 @@ pub enum TrainerError {
          more epochs can be added ({requested} were asked for)",
         path.display()
     )]
-    OtherEpochs {
-        path: PathBuf,
-        stored: u32,
-        finished: u32,
-        requested: u32,
-    },
+    OtherEpochs { path: PathBuf, stored: u32, finished: u32, requested: u32 },
     /// A subject has fewer runs or blocks than folds.
     #[error(
         "{subject} has {blocks} runs or blocks for {folds} folds; at least 2 folds, and a block \
          for each, are needed: use more recordings, fewer --folds, or more --blocks"
     )]
-    TooFewBlocks {
-        subject: String,
-        blocks: usize,
-        folds: usize,
-    },
+    TooFewBlocks { subject: String, blocks: usize, folds: usize },
     #[error(
         "all recordings are of one person, {0}, so there are no others to train on; name recordings of \
          several people, whose names precede the run: S001R03.edf is of S001"
@@ -139,26 +119,15 @@ pub enum TrainerError {
     DecisionWindow { window_s: f64, trial_s: f64 },
     /// No recording that the option `files` names has this event. `found` lists the events in these
     /// recordings, each with its count.
-    #[error(
-        "no recording of {files} has the event {event}; {}",
-        event_words(found)
-    )]
-    NoSuchEvent {
-        files: &'static str,
-        event: String,
-        found: Vec<(String, usize)>,
-    },
+    #[error("no recording of {files} has the event {event}; {}", event_words(found))]
+    NoSuchEvent { files: &'static str, event: String, found: Vec<(String, usize)> },
 
     // Errors of recordings and other files.
     #[error(
         "the training recordings have {count} whole trials of {event}; at least {needed} are \
          needed: use more recordings, or a shorter --trial"
     )]
-    TooFewTrials {
-        event: String,
-        count: u32,
-        needed: usize,
-    },
+    TooFewTrials { event: String, count: u32, needed: usize },
     #[error(
         "nearly all trials of {0} are in one recording, so that it cannot be left out for the \
          cross-validation; use recordings with trials of every class"
@@ -175,11 +144,7 @@ pub enum TrainerError {
     #[error(
         "{name} has {steps} time steps after the filters have settled; at least {needed} are needed"
     )]
-    TooShort {
-        name: String,
-        steps: usize,
-        needed: usize,
-    },
+    TooShort { name: String, steps: usize, needed: usize },
     #[error(
         "the training recordings have {seconds} s after the filters have settled, which do not \
          determine how {electrodes} electrodes depend on each other; train on at least {electrodes} s, \
@@ -305,9 +270,7 @@ fn event_words(found: &[(String, usize)]) -> String {
     if found.is_empty() {
         return "they have no events within their signals".to_owned();
     }
-    let events = found
-        .iter()
-        .map(|(event, count)| format!("{event} ({count} times)"));
+    let events = found.iter().map(|(event, count)| format!("{event} ({count} times)"));
     format!("they have: {}", events.collect::<Vec<_>>().join(", "))
 }
 

@@ -163,11 +163,7 @@ impl Codec {
         total.integer_error += error(windows, &decoded_received);
         total.code += squares(codes.iter().copied());
         total.code_error += distance(&codes, &received);
-        observe(&CodedBlock {
-            windows,
-            decoded: &decoded,
-            decoded_received: &decoded_received,
-        });
+        observe(&CodedBlock { windows, decoded: &decoded, decoded_received: &decoded_received });
     }
 
     /// Returns the quantised window, q = round(uV / scale), and the number of saturated values.
@@ -190,9 +186,7 @@ impl Codec {
 fn error(windows: &[&Window], decoded: &[f32]) -> f64 {
     let length = windows.first().map_or(1, |window| window.len());
     let pairs = windows.iter().zip(decoded.chunks_exact(length));
-    pairs
-        .map(|(window, decoded)| distance(window, decoded))
-        .sum()
+    pairs.map(|(window, decoded)| distance(window, decoded)).sum()
 }
 
 /// Returns the number of values of a code at either end of its format's range. The number is 0
@@ -220,13 +214,11 @@ pub(crate) struct Table<'a>(pub &'a [(&'a str, Evaluation)]);
 
 impl fmt::Display for Table<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (windows, electrodes) = self.0.first().map_or((0, 0), |(_, evaluation)| {
-            (evaluation.windows, evaluation.electrodes)
-        });
-        writeln!(
-            f,
-            "{windows} windows; the error is over the {electrodes} electrodes"
-        )?;
+        let (windows, electrodes) = self
+            .0
+            .first()
+            .map_or((0, 0), |(_, evaluation)| (evaluation.windows, evaluation.electrodes));
+        writeln!(f, "{windows} windows; the error is over the {electrodes} electrodes")?;
         writeln!(
             f,
             "{:<14}{:>14}{:>12}{:>12}{:>9}{:>12}{:>16}{:>15}",
@@ -240,19 +232,11 @@ impl fmt::Display for Table<'_> {
             "codes at rail"
         )?;
         for (name, e) in self.0 {
-            for (format, error) in [
-                ("float".to_owned(), e.float),
-                (e.format.to_string(), e.integer),
-            ] {
-                let ReconstructionError {
-                    mse,
-                    mse_uv2,
-                    prd_percent,
-                } = error;
-                write!(
-                    f,
-                    "{name:<14}{format:>14}{mse:>12.5}{mse_uv2:>12.2}{prd_percent:>9.2}"
-                )?;
+            for (format, error) in
+                [("float".to_owned(), e.float), (e.format.to_string(), e.integer)]
+            {
+                let ReconstructionError { mse, mse_uv2, prd_percent } = error;
+                write!(f, "{name:<14}{format:>14}{mse:>12.5}{mse_uv2:>12.2}{prd_percent:>9.2}")?;
                 if format != "float" {
                     write!(
                         f,
@@ -282,9 +266,7 @@ mod tests {
         let evaluation = evaluate(&model, &dataset).unwrap();
         let windows = dataset.aligned(8);
         assert_eq!(evaluation.windows, windows.len());
-        let seen: Vec<usize> = (0..testing::directions().len())
-            .map(testing::feature)
-            .collect();
+        let seen: Vec<usize> = (0..testing::directions().len()).map(testing::feature).collect();
         let (mut lost, mut signal) = (0.0, 0.0);
         for window in &windows {
             for (feature, value) in window.iter().enumerate() {

@@ -17,11 +17,7 @@ const SEED: u64 = 0x60_1D;
 /// Returns synthetic windows (extremes and noise), and the codes that model-gen's integer reference
 /// computes for them.
 pub(crate) fn golden_windows(integers: &IntegerModel) -> Golden {
-    let cells: Vec<usize> = integers
-        .cells
-        .iter()
-        .map(|&cell| usize::from(cell))
-        .collect();
+    let cells: Vec<usize> = integers.cells.iter().map(|&cell| usize::from(cell)).collect();
     let dimensions = integers.geometry.dimensions;
     let mut windows = extremes(&cells, &dimensions);
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
@@ -29,10 +25,7 @@ pub(crate) fn golden_windows(integers: &IntegerModel) -> Golden {
         let noise = |_| noise(&cells, &dimensions, amplitude, &mut rng);
         windows.extend((0..WINDOWS_PER_AMPLITUDE).map(noise));
     }
-    let codes = windows
-        .iter()
-        .map(|window| integers.encode_window(window))
-        .collect();
+    let codes = windows.iter().map(|window| integers.encode_window(window)).collect();
     Golden {
         format: integers.code_format,
         window_shape: [dimensions.steps, dimensions.cells()],
@@ -72,11 +65,7 @@ fn extremes(cells: &[usize], dimensions: &Dimensions) -> Vec<Vec<i8>> {
         (steps - 1, electrodes - 1),
     ] {
         windows.push(window_of(&|step, electrode| {
-            if (step, electrode) == (at_step, at_electrode) {
-                i8::MAX
-            } else {
-                0
-            }
+            if (step, electrode) == (at_step, at_electrode) { i8::MAX } else { 0 }
         }));
     }
     windows
@@ -98,14 +87,8 @@ fn noise(cells: &[usize], dimensions: &Dimensions, amplitude: f32, rng: &mut imp
             }
         }
     }
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "saturates, as the device does"
-    )]
-    window
-        .into_iter()
-        .map(|value| (value * amplitude * 127.0).round() as i8)
-        .collect()
+    #[expect(clippy::cast_possible_truncation, reason = "saturates, as the device does")]
+    window.into_iter().map(|value| (value * amplitude * 127.0).round() as i8).collect()
 }
 
 #[cfg(test)]
@@ -120,18 +103,12 @@ mod tests {
         let model = testing::model(&parameters, &data);
         let integers = model_gen::quantise(&model).unwrap();
         let golden = golden_windows(&integers);
-        assert_eq!(
-            golden.windows.len(),
-            10 + AMPLITUDES.len() * WINDOWS_PER_AMPLITUDE
-        );
+        assert_eq!(golden.windows.len(), 10 + AMPLITUDES.len() * WINDOWS_PER_AMPLITUDE);
         let values = || golden.windows.iter().flatten();
         assert!(values().any(|q| *q == i8::MAX));
         assert!(values().any(|q| *q == i8::MIN));
         let cells = model.description.dimensions().cells();
-        let mut planes = golden
-            .windows
-            .iter()
-            .flat_map(|window| window.chunks(cells));
+        let mut planes = golden.windows.iter().flat_map(|window| window.chunks(cells));
         assert!(planes.all(|plane| plane[0] == 0 && plane[cells - 1] == 0));
         for (window, code) in golden.windows.iter().zip(&golden.codes) {
             assert_eq!(integers.encode_window(window), *code);

@@ -77,12 +77,7 @@ impl Import {
         let evaluation = evaluation.transpose().map_err(unusable)?;
         let id = model.write(&self.out)?;
         golden_windows(&integers).write(&self.out)?;
-        Ok(Imported {
-            id,
-            agreement,
-            evaluation,
-            silent_channels,
-        })
+        Ok(Imported { id, agreement, evaluation, silent_channels })
     }
 }
 
@@ -143,11 +138,7 @@ impl fmt::Display for Imported {
             )?;
         }
         if let Some(evaluation) = self.evaluation {
-            writeln!(
-                f,
-                "on the {} windows of the calibration:",
-                evaluation.windows
-            )?;
+            writeln!(f, "on the {} windows of the calibration:", evaluation.windows)?;
             write!(f, "{}", Table(&[("imported", evaluation)]))?;
         }
         Ok(())
@@ -191,11 +182,7 @@ fn check_reference(model: &Artifact, reference: &Reference) -> Result<Agreement,
             Some(largest_difference("reconstruction", &found, &expected)?)
         }
     };
-    Ok(Agreement {
-        windows: codes.len(),
-        codes: code_difference,
-        reconstructions,
-    })
+    Ok(Agreement { windows: codes.len(), codes: code_difference, reconstructions })
 }
 
 /// Returns the largest difference between a found and an expected value, relative to the RMS of all

@@ -68,16 +68,8 @@ impl Volume {
     /// # Panics
     /// If `values` does not have one element for each position of each channel.
     pub(crate) fn from_values(channels: usize, size: [usize; 3], values: Vec<Lanes>) -> Self {
-        assert_eq!(
-            values.len(),
-            channels * product(size),
-            "a value for each place"
-        );
-        Self {
-            channels,
-            size,
-            values,
-        }
+        assert_eq!(values.len(), channels * product(size), "a value for each place");
+        Self { channels, size, values }
     }
 
     /// Returns the number of positions (step, row, column): the number of values in each channel.
@@ -98,11 +90,7 @@ impl Volume {
     /// Returns a copy with `pads` zeros added at both ends of each axis.
     pub(crate) fn padded(&self, pads: [usize; 3]) -> Self {
         let [steps, rows, columns] = self.size;
-        let size = [
-            steps + 2 * pads[0],
-            rows + 2 * pads[1],
-            columns + 2 * pads[2],
-        ];
+        let size = [steps + 2 * pads[0], rows + 2 * pads[1], columns + 2 * pads[2]];
         let mut padded = Self::zeros(self.channels, size);
         for (source, target) in self.by_channel().zip(padded.by_channel_mut()) {
             for (at, row) in source.chunks_exact(columns.max(1)).enumerate() {

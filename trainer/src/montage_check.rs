@@ -46,12 +46,7 @@ impl MontageCheck {
             mistakes.extend(order_mistakes(&grid.electrodes(), order));
         }
         mistakes.extend(adc_mistakes(file, grid.electrodes().len()));
-        Self {
-            name: file.name.clone(),
-            notes: notes(&grid),
-            grid,
-            mistakes,
-        }
+        Self { name: file.name.clone(), notes: notes(&grid), grid, mistakes }
     }
 }
 
@@ -111,9 +106,8 @@ fn label_mistakes(grid: &Grid) -> Vec<String> {
                 first.0, first.1
             ));
         } else if let Some((other, _)) = before.find(|(other, _)| is_same(other)) {
-            mistakes.push(format!(
-                "{other} and {label} are the same electrode; remove one of them"
-            ));
+            mistakes
+                .push(format!("{other} and {label} are the same electrode; remove one of them"));
         }
     }
     mistakes
@@ -129,9 +123,8 @@ fn order_mistakes(grid: &[String], order: &[String]) -> Vec<String> {
                 index + 1
             ));
         } else if !grid.contains(label) {
-            mistakes.push(format!(
-                "{label} is in the order of channels but in no cell of the grid"
-            ));
+            mistakes
+                .push(format!("{label} is in the order of channels but in no cell of the grid"));
         }
     }
     let without = grid.iter().filter(|label| !order.contains(label));
@@ -168,10 +161,7 @@ fn adc_mistakes(file: &MontageFile, electrodes: usize) -> Vec<String> {
         ));
     }
     if !GAINS.contains(&gain) {
-        mistakes.push(format!(
-            "an ADS1299 has no gain of {gain}; it has {}",
-            list(&GAINS)
-        ));
+        mistakes.push(format!("an ADS1299 has no gain of {gain}; it has {}", list(&GAINS)));
     }
     if !ADC_RATES_HZ.contains(&rate_hz) {
         mistakes.push(format!(

@@ -37,9 +37,7 @@ pub struct Trace {
 impl Network {
     /// Creates the network for a model description.
     pub fn new(description: &Description) -> Self {
-        Self {
-            layout: Layout::new(description),
-        }
+        Self { layout: Layout::new(description) }
     }
 
     /// Computes loss and gradients of a batch, and updates the running statistics in `parameters`.
@@ -77,10 +75,7 @@ impl Network {
     pub fn errors(&self, parameters: &Parameters, windows: &[&Window]) -> [f64; 2] {
         let squares = |window: &&Window| window.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
         let signal: f64 = windows.iter().map(squares).sum();
-        [
-            self.mean_squared_error(parameters, windows),
-            signal / self.count(windows),
-        ]
+        [self.mean_squared_error(parameters, windows), signal / self.count(windows)]
     }
 
     /// Returns codes and reconstructed windows; batch norm uses the running statistics.
@@ -93,10 +88,7 @@ impl Network {
         let groups = self.groups(windows);
         let results = in_parallel::map(&groups, |group| {
             let (code, window) = autoencoder.reconstruct(group);
-            (
-                by_window(&code, group.windows),
-                by_window(&window, group.windows),
-            )
+            (by_window(&code, group.windows), by_window(&window, group.windows))
         });
         let (codes, windows): (Vec<_>, Vec<_>) = results.into_iter().unzip();
         (codes.concat(), windows.concat())
@@ -131,10 +123,7 @@ impl Network {
             let (code, activations) = autoencoder.trace(group);
             (by_window(&code, group.windows), activations)
         });
-        let mut trace = Trace {
-            codes: Vec::new(),
-            activations: [0.0; 2],
-        };
+        let mut trace = Trace { codes: Vec::new(), activations: [0.0; 2] };
         for (codes, activations) in traces {
             trace.codes.extend(codes);
             for (largest, activation) in trace.activations.iter_mut().zip(activations) {
@@ -146,9 +135,7 @@ impl Network {
 
     fn groups(&self, windows: &[&Window]) -> Vec<Group> {
         let groups = windows.chunks(LANES);
-        groups
-            .map(|windows| Group::new(&self.layout, windows))
-            .collect()
+        groups.map(|windows| Group::new(&self.layout, windows)).collect()
     }
 }
 

@@ -61,11 +61,7 @@ impl OverlapMean {
         let signal = &mut self.signals[segment];
         let index = u32::try_from(signal.len() / self.hop).unwrap_or(u32::MAX);
         let mut hop = vec![0.0; self.hop];
-        let window = Window {
-            index,
-            flags: 0,
-            values,
-        };
+        let window = Window { index, flags: 0, values };
         self.overlap.next_hop(window, &mut hop);
         signal.extend(hop);
     }
@@ -78,13 +74,7 @@ mod tests {
 
     #[test]
     fn the_mean_of_exact_windows_is_the_signal() {
-        let dimensions = Dimensions {
-            steps: 16,
-            rows: 1,
-            columns: 4,
-            electrodes: 4,
-            numbers: 8,
-        };
+        let dimensions = Dimensions { steps: 16, rows: 1, columns: 4, electrodes: 4, numbers: 8 };
         // In the first segment, no window covers the last step.
         let segment =
             |steps: u16, first: u16| (0..4 * steps).map(|v| f32::from(v + first)).collect();

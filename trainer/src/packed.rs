@@ -48,12 +48,7 @@ struct AloneOptions {
     #[arg(long, requires = "montage", conflicts_with = "artifact")]
     out: Option<PathBuf>,
     /// Sampling rate of the new model's ADC, Hz [default: that of the montage].
-    #[arg(
-        long,
-        value_name = "HZ",
-        requires = "montage",
-        conflicts_with = "artifact"
-    )]
+    #[arg(long, value_name = "HZ", requires = "montage", conflicts_with = "artifact")]
     rate: Option<u32>,
     /// Time steps of a block of the new model: 4, 8 or 16 [default: 8].
     #[arg(long, requires = "montage", conflicts_with = "artifact")]
@@ -135,14 +130,8 @@ pub(crate) fn train(
     check_writable(folder)?;
     let read =
         |files, observer: &mut _| People::read(files, &options.files, &description, observer);
-    let (train, test) = (
-        read(&selected.train, observer)?,
-        read(&selected.test, observer)?,
-    );
-    let tracks = Tracks {
-        train: train.at_equal_power(observer),
-        test: test.tracks,
-    };
+    let (train, test) = (read(&selected.train, observer)?, read(&selected.test, observer)?);
+    let tracks = Tracks { train: train.at_equal_power(observer), test: test.tracks };
     let mut largest = 0.0;
     if joined.is_none() {
         let whole = |tracks| Dataset::from_tracks(tracks, description.dimensions());
@@ -151,9 +140,7 @@ pub(crate) fn train(
         if sd_uv <= 0.0 {
             return Err(FitError::Silent.into());
         }
-        observer.message(&format!(
-            "standard deviation of the training recordings: {sd_uv:.2} uV"
-        ));
+        observer.message(&format!("standard deviation of the training recordings: {sd_uv:.2} uV"));
         description.input.sd_uv = sd_uv;
     }
     let (mut model, trained) = trained::train(&tracks, &description, count, options.fit, observer)?;

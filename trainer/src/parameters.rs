@@ -193,27 +193,15 @@ impl Parameters {
         if mode.has_shortcut() {
             let numbers = geometry.dimensions.numbers;
             let features = geometry.dimensions.window_electrodes();
-            assert_eq!(
-                directions.len(),
-                numbers,
-                "one direction for each number of the code"
-            );
+            assert_eq!(directions.len(), numbers, "one direction for each number of the code");
             let encoder = directions.concat();
-            assert_eq!(
-                encoder.len(),
-                numbers * features,
-                "one element for each value of a window"
-            );
+            assert_eq!(encoder.len(), numbers * features, "one element for each value of a window");
             weights.encoder.shortcut.weight = encoder;
             weights.decoder.shortcut.weight = (0..features)
                 .flat_map(|feature| directions.iter().map(move |direction| direction[feature]))
                 .collect();
         }
-        let mut parameters = Self {
-            mode,
-            geometry,
-            weights,
-        };
+        let mut parameters = Self { mode, geometry, weights };
         parameters.draw_convolutions(seed);
         parameters
     }
@@ -242,9 +230,7 @@ impl Parameters {
                     let mut rng = ChaCha8Rng::seed_from_u64(seed);
                     rng.set_stream(index as u64);
                     let bound = 1.0 / fan_in.sqrt();
-                    (0..count)
-                        .map(|_| rng.random_range(-bound..bound))
-                        .collect()
+                    (0..count).map(|_| rng.random_range(-bound..bound)).collect()
                 }
             };
             *tensor.of_mut(&mut self.weights) = values;
@@ -264,11 +250,7 @@ impl Parameters {
         for (tensor, shape) in shapes(mode, &geometry) {
             *tensor.of_mut(&mut weights) = tensors.tensor(tensor.name, &shape)?.to_vec();
         }
-        Ok(Self {
-            mode,
-            geometry,
-            weights,
-        })
+        Ok(Self { mode, geometry, weights })
     }
 
     /// Returns the parameters as weights of an artifact.
@@ -323,11 +305,7 @@ mod tests {
         assert_eq!(read.unwrap(), shortcut(7));
         assert_ne!(shortcut(7), shortcut(8));
         for tensor in TENSORS {
-            assert!(
-                !tensor.of(&shortcut(7).weights).is_empty(),
-                "{}",
-                tensor.name
-            );
+            assert!(!tensor.of(&shortcut(7).weights).is_empty(), "{}", tensor.name);
         }
     }
 
@@ -347,15 +325,11 @@ mod tests {
     fn random_layers_fill_their_range() {
         let Weights { encoder, decoder } = shortcut(7).weights;
         let largest = |values: &[f32]| values.iter().fold(0.0_f32, |a, b| a.max(b.abs()));
-        for (values, bound) in [
-            (&encoder.conv1.weight, 0.192_450_09),
-            (&decoder.fc.weight, 0.088_388_35),
-        ] {
+        for (values, bound) in
+            [(&encoder.conv1.weight, 0.192_450_09), (&decoder.fc.weight, 0.088_388_35)]
+        {
             let largest = largest(values);
-            assert!(
-                largest <= bound && largest > 0.95 * bound,
-                "{largest} {bound}"
-            );
+            assert!(largest <= bound && largest > 0.95 * bound, "{largest} {bound}");
         }
         assert!(largest(&encoder.fc.weight) == 0.0 && largest(&decoder.conv2.weight) == 0.0);
     }

@@ -18,9 +18,7 @@ pub(crate) fn second_moment(dataset: &Dataset) -> DMatrix<f64> {
         let columns = DMatrix::from_iterator(
             features,
             block.len(),
-            block
-                .iter()
-                .flat_map(|window| window.iter().map(|&value| f64::from(value))),
+            block.iter().flat_map(|window| window.iter().map(|&value| f64::from(value))),
         );
         moment.gemm(1.0, &columns, &columns.transpose(), 1.0);
     }

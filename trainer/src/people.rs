@@ -122,10 +122,7 @@ impl People {
             let factor = typical / self.cards[person].sd_uv;
             #[expect(clippy::cast_possible_truncation, reason = "a float network takes f32")]
             let scaled = |uv: &f32| (f64::from(*uv) * factor) as f32;
-            Track {
-                values: track.values.iter().map(scaled).collect(),
-                ..track.clone()
-            }
+            Track { values: track.values.iter().map(scaled).collect(), ..track.clone() }
         });
         scaled.collect()
     }
@@ -289,10 +286,7 @@ mod tests {
             let of = |tracks: &[Track]| -> Vec<Track> {
                 person.iter().map(|&index| tracks[index].clone()).collect()
             };
-            assert!(
-                (rms(&of(&scaled)) / typical - 1.0).abs() < 1e-6,
-                "{person:?}"
-            );
+            assert!((rms(&of(&scaled)) / typical - 1.0).abs() < 1e-6, "{person:?}");
             let factor = typical / rms(&of(&recorded));
             for (scaled, recorded) in of(&scaled).iter().zip(of(&recorded)) {
                 for (scaled, recorded) in scaled.values.iter().zip(recorded.values) {
@@ -339,9 +333,8 @@ mod tests {
             let clean = track("S1R01", 1.0, unchanged);
             let filled = people.tracks[0].values.chunks_exact(9);
             let [mut error, mut energy] = [0.0, 0.0];
-            for ((filled, recorded), clean) in filled
-                .zip(recorded.values.chunks_exact(9))
-                .zip(clean.values.chunks_exact(9))
+            for ((filled, recorded), clean) in
+                filled.zip(recorded.values.chunks_exact(9)).zip(clean.values.chunks_exact(9))
             {
                 assert_eq!(filled[..MIDDLE], recorded[..MIDDLE]);
                 assert_eq!(filled[MIDDLE + 1..], recorded[MIDDLE + 1..]);
@@ -366,9 +359,6 @@ mod tests {
         let electrodes = LABELS.map(str::to_owned);
         let error = People::new(tracks, &electrodes, None, &mut Messages::default());
         let error = error.unwrap_err().to_string();
-        assert!(
-            error.contains("S1R02 has no signal at any electrode"),
-            "{error}"
-        );
+        assert!(error.contains("S1R02 has no signal at any electrode"), "{error}");
     }
 }

@@ -117,11 +117,7 @@ impl IntegerError {
             let mut tracks = tracks.iter();
             !tracks.any(|track| track.interpolated.contains(label))
         };
-        Ok(Self {
-            all,
-            electrodes: sums.errors(description, is_recorded),
-            sd_uv,
-        })
+        Ok(Self { all, electrodes: sums.errors(description, is_recorded), sd_uv })
     }
 
     fn mse_uv2(&self, electrode: &ElectrodeError) -> f64 {

@@ -33,10 +33,7 @@ struct Report<'a> {
 
 impl<'a> Report<'a> {
     fn new(folder: &'a Path, title: &str) -> Self {
-        Self {
-            folder,
-            page: Page::new(title),
-        }
+        Self { folder, page: Page::new(title) }
     }
 
     /// Draws the picture `name` and writes the values in it to a CSV file of the same name, and

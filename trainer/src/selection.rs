@@ -241,9 +241,7 @@ fn named(folder: &Path, name: &str) -> Result<Vec<PathBuf>, TrainerError> {
 
 fn is_recording(path: &Path) -> bool {
     let extension = path.extension().unwrap_or_default();
-    EXTENSIONS
-        .iter()
-        .any(|known| extension.eq_ignore_ascii_case(known))
+    EXTENSIONS.iter().any(|known| extension.eq_ignore_ascii_case(known))
 }
 
 /// Returns the last component of a path as text.
@@ -270,9 +268,7 @@ fn expand(name: &str) -> Result<Vec<String>, TrainerError> {
     if prefix != last_prefix || from > to {
         return Err(range());
     }
-    Ok((from..=to)
-        .map(|number| format!("{prefix}{number:0width$}"))
-        .collect())
+    Ok((from..=to).map(|number| format!("{prefix}{number:0width$}")).collect())
 }
 
 /// Splits a name into the text before the number at its end, this number, and the number of its
@@ -304,22 +300,13 @@ mod tests {
 
     #[test]
     fn ranges_and_names_match_files_by_the_end_of_their_stem() {
-        let files = [
-            "S001R08.edf",
-            "S001R09.edf",
-            "S001R10.EDF",
-            "S001R11.edf",
-            "R09.txt",
-        ];
+        let files = ["S001R08.edf", "S001R09.edf", "S001R10.EDF", "S001R11.edf", "R09.txt"];
         let folder = folder(&files);
         let select = |names: &[&str]| select(folder.path(), names);
         let files = select(&["R09..R10", "R09", "S001R11.edf"]).unwrap();
         assert_eq!(files, ["S001R09.edf", "S001R10.EDF", "S001R11.edf"]);
         let error = select(&["R11..R12"]).unwrap_err().to_string();
-        assert!(
-            error.contains("R12") && error.contains("S001R08.edf"),
-            "{error}"
-        );
+        assert!(error.contains("R12") && error.contains("S001R08.edf"), "{error}");
         for range in ["R10..R03", "R03..S05", "R..R5"] {
             let error = select(&[range]).unwrap_err();
             assert!(matches!(error, TrainerError::BadRange(_)), "{error}");

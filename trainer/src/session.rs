@@ -72,10 +72,8 @@ pub(crate) fn train(
     }
     report::prepare(options.report.as_deref(), options.force)?;
     check_writable(&options.out)?;
-    if let (true, Some(folder)) = (
-        description.mode.has_convolutions(),
-        options.checkpoint.parent(),
-    ) {
+    if let (true, Some(folder)) = (description.mode.has_convolutions(), options.checkpoint.parent())
+    {
         check_writable(folder)?;
     }
     let people = People::read(&selected.train, &options.files, &description, observer)?;
@@ -87,9 +85,7 @@ pub(crate) fn train(
     drop((people, scaled));
     let sd_uv = training_set.sd_uv;
     description.input.sd_uv = sd_uv;
-    observer.message(&format!(
-        "standard deviation of the training part: {sd_uv:.2} uV"
-    ));
+    observer.message(&format!("standard deviation of the training part: {sd_uv:.2} uV"));
     observer.message("computing the principal directions of the training windows ...");
     let geometry = Geometry::new(&description);
     let directions = training_set.directions();
@@ -138,10 +134,8 @@ pub(crate) fn train(
         pca.write(&options.out)?;
     }
     observer.message(&format!("model {id} written to {}", options.out.display()));
-    let comparison = comparison.map(|comparison| Comparison {
-        model: id.to_string(),
-        ..comparison
-    });
+    let comparison =
+        comparison.map(|comparison| Comparison { model: id.to_string(), ..comparison });
     if let Some(folder) = &options.report {
         let (learning, comparison) = (learning.as_ref(), comparison.as_ref());
         report::write(folder, "Training of a model", learning, comparison)?;
@@ -200,15 +194,9 @@ fn run_epochs(
         training
     } else {
         let training = Training::start(*settings, start, network, split);
-        let is_pca = if description.mode.has_shortcut() {
-            " (PCA)"
-        } else {
-            ""
-        };
-        observer.message(&format!(
-            "epoch 0{is_pca}: validation MSE {:.5}",
-            training.best.validation
-        ));
+        let is_pca = if description.mode.has_shortcut() { " (PCA)" } else { "" };
+        observer
+            .message(&format!("epoch 0{is_pca}: validation MSE {:.5}", training.best.validation));
         training
     };
     while !training.is_done() {
@@ -266,10 +254,7 @@ fn train_network(
 ) -> Result<Training, TrainerError> {
     let training = run_epochs(options, (split, data), description, start, observer)?;
     let best = &training.best;
-    observer.message(&format!(
-        "best epoch: {}, validation MSE {:.5}",
-        best.epoch, best.validation
-    ));
+    observer.message(&format!("best epoch: {}, validation MSE {:.5}", best.epoch, best.validation));
     let silent = best.parameters.clone().hold_silent_channels();
     if silent > 0 {
         observer.message(&format!(
@@ -277,21 +262,13 @@ fn train_network(
              keep them alive"
         ));
     }
-    let Settings {
-        epochs,
-        batch,
-        peak_rate,
-        ..
-    } = options.settings;
+    let Settings { epochs, batch, peak_rate, .. } = options.settings;
     let card = &mut description.training;
     card.epochs = epochs;
     card.best_epoch = best.epoch;
     card.windows = (training.batches(split) * batch) as u64;
     let (start, shortcut) = if description.mode.has_shortcut() {
-        (
-            "PCA start, convolutions silent at first",
-            " (shortcut a hundredth)",
-        )
+        ("PCA start, convolutions silent at first", " (shortcut a hundredth)")
     } else {
         ("random start", "")
     };

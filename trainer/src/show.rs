@@ -34,9 +34,7 @@ impl Shown {
         let description = &artifact.description;
         let tensors = |tensors: &artifact::Tensors| -> Json {
             let shapes = tensors.shapes();
-            shapes
-                .map(|(name, shape)| (name.to_owned(), json!(shape)))
-                .collect()
+            shapes.map(|(name, shape)| (name.to_owned(), json!(shape))).collect()
         };
         let parts = memory::parts(&device.integers, description.window.hop);
         let parts = parts.iter().map(|part| {
@@ -80,12 +78,7 @@ impl fmt::Display for Shown {
             .has_network()
             .then(|| format!("a code of {} numbers ({})", code.numbers, code.format));
         let blocks = artifact.packed.as_ref().map(|packed| {
-            let PackedDescription {
-                rate,
-                weight,
-                training,
-                ..
-            } = &packed.description;
+            let PackedDescription { rate, weight, training, .. } = &packed.description;
             let figures = training.figures.iter();
             let block = match figures.clone().find(|figures| figures.rate == *rate) {
                 Some(figures) => {
@@ -133,10 +126,7 @@ impl fmt::Display for Shown {
             writeln!(f, "{name:<21} {text}")?;
         }
         if let (Some(mse), Some(prd)) = (&card.mse, &card.prd_percent) {
-            writeln!(
-                f,
-                "\ntest                      float   integer  PCA float  PCA integer"
-            )?;
+            writeln!(f, "\ntest                      float   integer  PCA float  PCA integer")?;
             figures(f, "MSE", mse, 5)?;
             figures(f, "PRD, %", prd, 2)?;
         }

@@ -40,11 +40,7 @@ pub(crate) fn subject_of(recording: &Path) -> String {
     let without_word = without_number.trim_end_matches(|c: char| c.is_ascii_alphabetic());
     let subject = without_word.trim_end_matches(['_', '-', ' ']);
     // A file name of only a word and a number, such as run3, names no subject.
-    if subject.is_empty() {
-        "all".to_owned()
-    } else {
-        subject.to_owned()
-    }
+    if subject.is_empty() { "all".to_owned() } else { subject.to_owned() }
 }
 
 #[cfg(test)]
@@ -55,10 +51,7 @@ mod tests {
     fn runs_are_grouped_by_what_precedes_their_number() {
         for (file, subject) in [
             ("data/S001R03.edf", "S001"),
-            (
-                "data/motorexecution_subject2_run10.gdf",
-                "motorexecution_subject2",
-            ),
+            ("data/motorexecution_subject2_run10.gdf", "motorexecution_subject2"),
             ("A01-3.gdf", "A01"),
             ("run7.edf", "all"),
             ("test.bdf", "test"),
@@ -72,10 +65,7 @@ mod tests {
         let files = ["b2.edf", "a1.edf", "b2.edf"].map(PathBuf::from);
         let subjects = group(&files, Some("me"));
         assert_eq!(subjects.len(), 1);
-        assert_eq!(
-            subjects[0].recordings,
-            ["a1.edf", "b2.edf"].map(PathBuf::from)
-        );
+        assert_eq!(subjects[0].recordings, ["a1.edf", "b2.edf"].map(PathBuf::from));
         assert_eq!(group(&files, None)[0].name, "all");
     }
 }

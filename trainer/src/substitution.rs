@@ -104,11 +104,7 @@ pub(crate) fn radius_text(radius: f64) -> String {
 
 /// Returns the errors of a table as text.
 pub(crate) fn figures_text(figures: &SubstitutionFigures) -> String {
-    let SubstitutionFigures {
-        median_nmse,
-        worst_nmse,
-        worst_electrode,
-    } = figures;
+    let SubstitutionFigures { median_nmse, worst_nmse, worst_electrode } = figures;
     format!(
         "NMSE of an electrode predicted from the others: median {median_nmse:.4}, \
          worst {worst_nmse:.4} ({worst_electrode})"

@@ -92,12 +92,7 @@ pub(crate) fn geometry() -> Geometry {
 }
 
 /// Settings of the training run of [`Run`], small so that tests are fast.
-pub(crate) const SETTINGS: Settings = Settings {
-    epochs: 2,
-    batch: 8,
-    peak_rate: 1e-3,
-    seed: 4,
-};
+pub(crate) const SETTINGS: Settings = Settings { epochs: 2, batch: 8, peak_rate: 1e-3, seed: 4 };
 
 /// The network and the data of a small training run.
 pub(crate) struct Run {
@@ -109,10 +104,7 @@ impl Run {
     pub(crate) fn new() -> Self {
         Self {
             network: Network::new(&description()),
-            split: Split {
-                training: dataset(1, 16 * 24),
-                validation: dataset(2, 16 * 8),
-            },
+            split: Split { training: dataset(1, 16 * 24), validation: dataset(2, 16 * 8) },
         }
     }
 

@@ -24,11 +24,7 @@ pub(crate) struct Settings {
     #[arg(skip = 32_usize)]
     pub(crate) batch: usize,
     /// Largest learning rate.
-    #[arg(
-        long = "learning-rate",
-        value_name = "LEARNING_RATE",
-        default_value_t = 1e-3
-    )]
+    #[arg(long = "learning-rate", value_name = "LEARNING_RATE", default_value_t = 1e-3)]
     pub(crate) peak_rate: f64,
     /// Seed of all random numbers.
     #[arg(long, default_value_t = 1)]
@@ -39,16 +35,8 @@ impl fmt::Display for Settings {
     /// Writes all settings except the number of epochs, which may grow when a training run is
     /// resumed.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            epochs: _,
-            batch,
-            peak_rate,
-            seed,
-        } = self;
-        write!(
-            f,
-            "batches of {batch} at a learning rate of {peak_rate} with seed {seed}"
-        )
+        let Self { epochs: _, batch, peak_rate, seed } = self;
+        write!(f, "batches of {batch} at a learning rate of {peak_rate} with seed {seed}")
     }
 }
 
@@ -166,11 +154,7 @@ impl Training {
     ) -> Self {
         let validation = network.mean_squared_error(&parameters, &validation_windows(split));
         let adam = Adam::new(&parameters);
-        let best = Candidate {
-            epoch: 0,
-            validation,
-            parameters: parameters.clone(),
-        };
+        let best = Candidate { epoch: 0, validation, parameters: parameters.clone() };
         Self {
             settings,
             epoch: 0,
@@ -178,10 +162,7 @@ impl Training {
             parameters,
             adam,
             best,
-            curve: LearningCurve {
-                initial_validation: validation,
-                epochs: Vec::new(),
-            },
+            curve: LearningCurve { initial_validation: validation, epochs: Vec::new() },
         }
     }
 
@@ -227,9 +208,7 @@ impl Training {
         let first_update = u64::from(self.cycle_start) * batches as u64;
         let mut rng = ChaCha8Rng::seed_from_u64(self.settings.seed);
         rng.set_stream(u64::MAX - u64::from(epoch));
-        let windows = split
-            .training
-            .random(batches * self.settings.batch, &mut rng);
+        let windows = split.training.random(batches * self.settings.batch, &mut rng);
         let mut sum = 0.0;
         for batch in windows.chunks(self.settings.batch) {
             let BatchGradients { loss, gradients } = network.gradients(&mut self.parameters, batch);
@@ -250,11 +229,7 @@ impl Training {
         }
         self.epoch = epoch;
         if validation < self.best.validation {
-            self.best = Candidate {
-                epoch,
-                validation,
-                parameters: self.parameters.clone(),
-            };
+            self.best = Candidate { epoch, validation, parameters: self.parameters.clone() };
         }
         let loss = sum / batches as f64;
         let losses = EpochLosses { loss, validation };
@@ -266,9 +241,7 @@ impl Training {
 /// Returns the windows of the validation part, without overlap: overlapping windows would slow down
 /// every epoch.
 pub(crate) fn validation_windows(split: &Split) -> Vec<&Window> {
-    split
-        .validation
-        .aligned(split.validation.dimensions().steps)
+    split.validation.aligned(split.validation.dimensions().steps)
 }
 
 #[cfg(test)]
@@ -279,10 +252,7 @@ mod tests {
     #[test]
     fn the_rate_rises_to_the_peak_and_falls_to_almost_zero() {
         let rates = |updates| {
-            let schedule = OneCycle {
-                peak: 1e-3,
-                updates,
-            };
+            let schedule = OneCycle { peak: 1e-3, updates };
             let rates = (0..updates).map(|update| schedule.rate(update));
             rates.collect::<Vec<f64>>()
         };
@@ -303,10 +273,7 @@ mod tests {
         let reports = [run.run_epoch(&mut training), run.run_epoch(&mut training)];
         assert!(training.is_done());
         assert!(reports[1].loss < reports[0].loss, "{reports:?}");
-        let best = reports
-            .iter()
-            .map(|report| report.validation)
-            .fold(before, f64::min);
+        let best = reports.iter().map(|report| report.validation).fold(before, f64::min);
         assert!(best < before, "{reports:?}, before {before}");
         assert!((training.best.validation - best).abs() < f64::EPSILON);
         let windows = validation_windows(&run.split);

@@ -143,10 +143,7 @@ pub(crate) fn live(rig: Rig, port: u16, other_port: bool) -> Result<(), Failure>
 /// Lints the workspace of the emulated boards, and tests its models of peripherals and its command
 /// line.
 pub(crate) fn models() -> Result<(), Failure> {
-    run(
-        &mut linted("test --release --no-run"),
-        "mend what clippy names above",
-    )?;
+    run(&mut linted("test --release --no-run"), "mend what clippy names above")?;
     let mut tests = linted("test --release --lib --bins --test command_line");
     let next = "a model of the emulated board is wrong, or a message: run the failed test alone";
     run(&mut tests, next)

@@ -63,10 +63,7 @@ fn refuse_missing(program: &Path) -> Result<(), Failure> {
     };
     Err(Failure::missing(
         missing.display(),
-        format!(
-            "the package contains {}, from one folder",
-            PROGRAMS.join(" and ")
-        ),
+        format!("the package contains {}, from one folder", PROGRAMS.join(" and ")),
         "`cargo build --release --locked --package bridge --package node --bins`, and --program \
          target/release/corticode-bridge; or leave out --program",
     ))
@@ -113,15 +110,9 @@ fn package(program: &Path) -> Result<PathBuf, Failure> {
     let share = tree.join("usr/share/corticode");
     fs::create_dir_all(&share).or_fail(share.display(), NEXT)?;
     let mut copy = Command::new("cp");
-    run(
-        copy.arg("-R").arg(root().join("ros/ros2")).arg(&share),
-        NEXT,
-    )?;
+    run(copy.arg("-R").arg(root().join("ros/ros2")).arg(&share), NEXT)?;
     let pages = tree.join("usr/share/man/man1");
-    run(
-        Command::new(program).args(["man", "--folder"]).arg(&pages),
-        NEXT,
-    )?;
+    run(Command::new(program).args(["man", "--folder"]).arg(&pages), NEXT)?;
     let changelog = tree.join("usr/share/doc/corticode-bridge/changelog");
     let mut gzip = Command::new("gzip");
     run(gzip.args(["-9nr"]).args([&pages, &changelog]), NEXT)?;
@@ -138,25 +129,17 @@ fn package(program: &Path) -> Result<PathBuf, Failure> {
     let mut sums = Command::new("md5sum");
     let sums = output(sums.args(files.lines()).current_dir(&tree))?;
     write("DEBIAN/md5sums", &sums)?;
-    let sizes = files
-        .lines()
-        .filter_map(|file| fs::metadata(tree.join(file)).ok());
+    let sizes = files.lines().filter_map(|file| fs::metadata(tree.join(file)).ok());
     let bytes: u64 = sizes.map(|file| file.len()).sum();
     let control = read("debian/control")?
         .replace("@ARCHITECTURE@", architecture.trim())
         .replace("@SIZE@", &bytes.div_ceil(1024).to_string())
-        .replace(
-            "@DEPENDS@",
-            depends.trim().trim_start_matches("shlibs:Depends="),
-        );
+        .replace("@DEPENDS@", depends.trim().trim_start_matches("shlibs:Depends="));
     write("DEBIAN/control", &control)?;
     let name = format!("corticode-bridge_{version}_{}.deb", architecture.trim());
     let package = folder.join(name);
     // Set the permissions explicitly: those of new files depend on the user's umask.
-    run(
-        Command::new("chmod").args(["-R", "u=rwX,go=rX"]).arg(&tree),
-        NEXT,
-    )?;
+    run(Command::new("chmod").args(["-R", "u=rwX,go=rX"]).arg(&tree), NEXT)?;
     let mut build = Command::new("dpkg-deb");
     let build = build.args(["--root-owner-group", "--build"]).arg(&tree);
     output(build.arg(&package))?;

@@ -30,22 +30,14 @@ struct Build {
 /// Writes the DfuSe file next to the image's ELF file, and returns its path. `messages` is the
 /// output of cargo with `--message-format=json`.
 pub(crate) fn write(board: Board, messages: &str) -> Result<PathBuf, Failure> {
-    let Build {
-        elf,
-        firmware,
-        manifest,
-    } = build(messages);
+    let Build { elf, firmware, manifest } = build(messages);
     let reading = |path: &Path| format!("reading {}", path.display());
     let bytes = fs::read(&elf).or_fail(reading(&elf), NEXT)?;
     let text = fs::read_to_string(&manifest).or_fail(reading(&manifest), NEXT)?;
-    let model = text
-        .lines()
-        .next()
-        .and_then(|line| line.strip_prefix("model id"));
+    let model = text.lines().next().and_then(|line| line.strip_prefix("model id"));
     let flash = flash_content(&bytes).zip(model);
-    let ((address, content), model) = flash
-        .ok_or("no ELF file for a flash, or no model id")
-        .or_fail(reading(&elf), NEXT)?;
+    let ((address, content), model) =
+        flash.ok_or("no ELF file for a flash, or no model id").or_fail(reading(&elf), NEXT)?;
     let image = Image {
         board: board.name().to_owned(),
         firmware,
@@ -75,14 +67,10 @@ fn build(messages: &str) -> Build {
         }
         let variables = message["env"].as_array().into_iter().flatten();
         for variable in variables.filter(|variable| variable[0] == "CORTICODE_FIRMWARE") {
-            variable[1]
-                .as_str()
-                .unwrap_or_default()
-                .clone_into(&mut build.firmware);
+            variable[1].as_str().unwrap_or_default().clone_into(&mut build.firmware);
         }
-        let is_model = message["package_id"]
-            .as_str()
-            .is_some_and(|id| id.contains("/signal/model#"));
+        let is_model =
+            message["package_id"].as_str().is_some_and(|id| id.contains("/signal/model#"));
         if let (true, Some(folder)) = (is_model, message["out_dir"].as_str()) {
             build.manifest = Path::new(folder).join("manifest.txt");
         }

@@ -91,10 +91,7 @@ fn sections() -> Result<Vec<Section>, Failure> {
 fn measure(section: &Section) -> Result<(), Failure> {
     let mut verb = Command::new(env::current_exe().unwrap_or_default());
     attach(&mut verb, &section.command)?;
-    run(
-        verb.args(section.command.split(' ')),
-        "run the command alone",
-    )
+    run(verb.args(section.command.split(' ')), "run the command alone")
 }
 
 /// Returns hash and date of the last commit, such as "commit 2f0fef8, 2026-11-22".
@@ -252,9 +249,7 @@ mod tests {
     #[test]
     fn a_page_agrees_with_the_run_that_wrote_it_and_names_what_differs_from_another() {
         let measured = json!({"machines": [{"insn": 1_000_000}], "ns": 3_030_200, "cycles": 7});
-        let page = section()
-            .markdown(&measured, "commit abc")
-            .expect("figures");
+        let page = section().markdown(&measured, "commit abc").expect("figures");
         let rows = "| instructions per code | 1,000,000 |  |\n| worst step | 3.03 | ms |\n";
         assert!(page.contains(rows), "{page}");
         assert_eq!(section().differences(&page, &measured), [""; 0]);

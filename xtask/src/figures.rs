@@ -100,14 +100,12 @@ fn table(title: &str, row: &Row) -> String {
 
 fn lines(key: &str, value: &Value) -> String {
     match value {
-        Value::Object(members) => members
-            .iter()
-            .map(|(name, value)| lines(&format!("{key}.{name}"), value))
-            .collect(),
-        Value::Array(items) if items.iter().any(Value::is_object) => (0..)
-            .zip(items)
-            .map(|(place, item)| lines(&format!("{key}.{place}"), item))
-            .collect(),
+        Value::Object(members) => {
+            members.iter().map(|(name, value)| lines(&format!("{key}.{name}"), value)).collect()
+        }
+        Value::Array(items) if items.iter().any(Value::is_object) => {
+            (0..).zip(items).map(|(place, item)| lines(&format!("{key}.{place}"), item)).collect()
+        }
         value => format!("  {key:<48} {value}\n"),
     }
 }

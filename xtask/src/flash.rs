@@ -86,11 +86,7 @@ pub(crate) fn image(options: &Options, flash: bool) -> Result<(), Failure> {
     }
     command.arg("--message-format=json-render-diagnostics");
     let messages = output(&mut command, AFTER_A_BUILD)?;
-    let file = if board.has_loader() {
-        dfu::write(board, &messages)?
-    } else {
-        dfu::elf(&messages)
-    };
+    let file = if board.has_loader() { dfu::write(board, &messages)? } else { dfu::elf(&messages) };
     print(format_args!("{}\n", file.display()))
 }
 
@@ -103,11 +99,7 @@ fn summary(folder: &Path) -> Result<String, Failure> {
         std::fs::read_to_string(&path).or_fail(format!("reading {}", path.display()), next)?;
     let model: Model =
         toml::from_str(&text).or_fail(format!("reading {}", path.display()), next)?;
-    let packed = if folder.join("packed.toml").exists() {
-        " (with the packed code)"
-    } else {
-        ""
-    };
+    let packed = if folder.join("packed.toml").exists() { " (with the packed code)" } else { "" };
     Ok(format!(
         "  model       {}{packed}\n  electrodes  {}\n  converters  {} ADS1299 ({}) at {} Hz, gain {}\n  \
          clock       {}\n  START       {}",
@@ -131,11 +123,7 @@ fn summary(folder: &Path) -> Result<String, Failure> {
 /// Returns the frequency in MHz of the external clock with which an ADS1299 samples at `rate_hz`:
 /// 2^21 Hz for powers of two, otherwise 2.048 MHz (data sheet section 9.6.1.2).
 const fn clock_mhz(rate_hz: u32) -> f64 {
-    if rate_hz.is_power_of_two() {
-        2.097_152
-    } else {
-        2.048
-    }
+    if rate_hz.is_power_of_two() { 2.097_152 } else { 2.048 }
 }
 
 #[cfg(test)]

@@ -88,15 +88,8 @@ impl Rig {
 
     /// Name on the command line and of the default image.
     pub(crate) const fn key(self) -> &'static str {
-        [
-            "h743",
-            "f446",
-            "ironbci",
-            "kit-250",
-            "kit-500",
-            "cyton-16",
-            "ten-twenty-32",
-        ][self as usize]
+        ["h743", "f446", "ironbci", "kit-250", "kit-500", "cyton-16", "ten-twenty-32"]
+            [self as usize]
     }
 
     pub(crate) const fn board(self) -> Board {
@@ -116,10 +109,7 @@ impl Rig {
                 ["h743", "--package=board-h743"],
             ],
             Self::F446 => &[
-                [
-                    "f446-usb",
-                    "--package=board-f446 --no-default-features --features=network",
-                ],
+                ["f446-usb", "--package=board-f446 --no-default-features --features=network"],
                 [
                     "f446-packed",
                     "--package=board-f446 --no-default-features --features=uart,packed",
@@ -139,11 +129,9 @@ impl Rig {
         match self {
             Self::H743 | Self::F446 | Self::Ironbci => self.board().model(),
             Self::Kit250 | Self::Kit500 => Some(root().join("signal/model").join(self.key())),
-            Self::Cyton16 | Self::TenTwenty32 => Some(
-                target_folder()
-                    .join("virtual-board/models")
-                    .join(self.key()),
-            ),
+            Self::Cyton16 | Self::TenTwenty32 => {
+                Some(target_folder().join("virtual-board/models").join(self.key()))
+            }
         }
     }
 }

@@ -56,9 +56,7 @@ pub(crate) fn install() -> Result<(), Failure> {
 pub(crate) fn board_target() -> Result<(), Failure> {
     // Ask the compiler, not rustup, which a Rust from a Linux distribution lacks.
     let mut rustc = Command::new("rustc");
-    let folder = rustc
-        .args(["--print=target-libdir", "--target", BOARD_TARGET])
-        .output();
+    let folder = rustc.args(["--print=target-libdir", "--target", BOARD_TARGET]).output();
     if folder.is_ok_and(|output| Path::new(String::from_utf8_lossy(&output.stdout).trim()).is_dir())
     {
         return Ok(());
@@ -140,9 +138,7 @@ fn refusal(missing: &[&str]) -> Failure {
 
 fn is_installed(package: &str) -> bool {
     let mut query = Command::new("dpkg-query");
-    let query = query
-        .args(["--show", "--showformat=${Status}", package])
-        .output();
+    let query = query.args(["--show", "--showformat=${Status}", package]).output();
     query.is_ok_and(|output| output.stdout.ends_with(b"ok installed"))
 }
 

@@ -162,33 +162,19 @@ enum Verb {
 fn main() -> ExitCode {
     let result = match Arguments::parse().verb {
         Verb::Test { fast, boards } => stages::test(fast, boards),
-        Verb::Demo {
-            seed, live: true, ..
-        } => programs::live_demo(seed),
+        Verb::Demo { seed, live: true, .. } => programs::live_demo(seed),
         Verb::Demo { seconds, seed, .. } => programs::demo(seconds, seed),
-        Verb::Loop {
-            recording,
-            classifier,
-            mains,
-            seed,
-            fast,
-        } => {
+        Verb::Loop { recording, classifier, mains, seed, fast } => {
             let own = recording.into_iter().chain(classifier).collect::<Vec<_>>();
             programs::closed_loop([&mains, &seed.to_string()], fast, &own)
         }
         Verb::Bench { words } => programs::bench(&words),
-        Verb::Qemu {
-            live: true, port, ..
-        } => programs::live_qemu(port),
+        Verb::Qemu { live: true, port, .. } => programs::live_qemu(port),
         Verb::Qemu { codes, json, .. } => qemu::qemu(codes, json),
         Verb::Hil { board } => programs::hil(board),
-        Verb::Board {
-            live: true,
-            board: Some(board),
-            port,
-            other_port,
-            ..
-        } => board::live(board, port, other_port),
+        Verb::Board { live: true, board: Some(board), port, other_port, .. } => {
+            board::live(board, port, other_port)
+        }
         Verb::Board { board, json, .. } => board::board(board, json),
         Verb::Budget { json } => programs::budget(json),
         Verb::Deb { check, program } => deb::deb(program, check),

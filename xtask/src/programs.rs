@@ -53,10 +53,7 @@ pub(crate) fn live_demo(seed: u64) -> Result<(), Failure> {
         "--streams=codes,packed,raw,filtered,events",
         "--open-browser",
     ]);
-    let shown = run(
-        &mut bridge,
-        "choose another --view-address: CORTICODE_VIEW_ADDRESS",
-    );
+    let shown = run(&mut bridge, "choose another --view-address: CORTICODE_VIEW_ADDRESS");
     // An error means that Ctrl-C has ended it already.
     let _ = running.kill();
     let _ = running.wait();
@@ -90,11 +87,7 @@ pub(crate) fn bench(words: &[String]) -> Result<(), Failure> {
             replace(cargo("run --release --package bench --bin report --").args(words))
         }
         Some(benchmark @ ("bridge" | "node")) => {
-            let board = if benchmark == "bridge" {
-                " --package host-sim"
-            } else {
-                ""
-            };
+            let board = if benchmark == "bridge" { " --package host-sim" } else { "" };
             let build =
                 format!("build --release --package bench --package {benchmark}{board} --bins");
             run(&mut cargo(&build), AFTER_A_BUILD)?;
@@ -131,9 +124,7 @@ pub(crate) fn hil(board: Option<Nucleo>) -> Result<(), Failure> {
     };
     require_probe_rs()?;
     link_vectors(board)?;
-    let image = target_folder()
-        .join(BOARD_TARGET)
-        .join("firmware/on-target");
+    let image = target_folder().join(BOARD_TARGET).join("firmware/on-target");
     let run = format!("run --quiet --package on-target -- {}", board.key());
     replace(cargo(&run).arg(image))
 }

@@ -193,19 +193,12 @@ fn lints_for_microcontrollers() -> Result<(), Failure> {
     for rig in [Rig::H743, Rig::F446, Rig::Ironbci] {
         for [name, selection] in rig.images() {
             // Lint these crates only once for each NUCLEO board, with its default image.
-            let crates = if ["h743", "f446"].contains(name) {
-                THUMB_CRATES
-            } else {
-                ""
-            };
+            let crates = if ["h743", "f446"].contains(name) { THUMB_CRATES } else { "" };
             let selection = format!("{crates} --package=board-stm32 {selection}");
             lints_for_target(rig.model().as_deref(), &selection)?;
         }
     }
-    lints_for_target(
-        None,
-        &format!("--package=board-stm32 {F446_WITH_BOTH_ENCODERS}"),
-    )
+    lints_for_target(None, &format!("--package=board-stm32 {F446_WITH_BOTH_ENCODERS}"))
 }
 
 /// Tests the default members of the workspace, except for [`SLOW_TESTS`] and examples in the
@@ -215,10 +208,7 @@ fn fast_tests() -> Result<(), Failure> {
     run(&mut cargo("build --bins --tests"), AFTER_A_BUILD)?;
     let skipped = SLOW_TESTS.iter().map(|part| format!("--skip={part}"));
     let skipped: Vec<String> = skipped.collect();
-    tests(&mut cargo(&format!(
-        "test --tests -- {}",
-        skipped.join(" ")
-    )))
+    tests(&mut cargo(&format!("test --tests -- {}", skipped.join(" "))))
 }
 
 /// Runs the tests of all members of the workspace and, because many of them wait, the stages of
@@ -226,21 +216,13 @@ fn fast_tests() -> Result<(), Failure> {
 /// then the figures of the emulated microcontrollers.
 fn all_tests() -> Result<(), Failure> {
     let log = target_folder().join("boards.log");
-    eprintln!(
-        "output of `test --boards`, which runs meanwhile: {}",
-        log.display()
-    );
+    eprintln!("output of `test --boards`, which runs meanwhile: {}", log.display());
     let output = File::create(&log).and_then(|file| Ok([file.try_clone()?, file]));
     let [stdout, stderr] = output.or_fail(log.display(), "is its folder writable?")?;
     // With the lowest priority, so that it only takes time in which the tests wait.
     let mut boards = Command::new("nice");
-    boards
-        .args(["-n", "19"])
-        .arg(target_folder().join("debug/xtask"));
-    boards
-        .args(["test", "--boards"])
-        .stdout(stdout)
-        .stderr(stderr);
+    boards.args(["-n", "19"]).arg(target_folder().join("debug/xtask"));
+    boards.args(["test", "--boards"]).stdout(stdout).stderr(stderr);
     let boards_run = boards.spawn().or_fail(typed(&boards), "repeat the command");
     let mut boards_run = boards_run?;
 
@@ -248,17 +230,11 @@ fn all_tests() -> Result<(), Failure> {
     let figures = figures::attach(&mut test, "qemu", false);
     let tested = tests(test.env("CORTICODE_REQUIRE_ROS", "1"));
 
-    let status = boards_run
-        .wait()
-        .or_fail(typed(&boards), "repeat the command")?;
+    let status = boards_run.wait().or_fail(typed(&boards), "repeat the command")?;
     eprint!("\n{}", fs::read_to_string(&log).unwrap_or_default());
     tested?;
     if !status.success() {
-        return Err(Failure::check(
-            typed(&boards),
-            status,
-            "read its message above",
-        ));
+        return Err(Failure::check(typed(&boards), status, "read its message above"));
     }
     qemu::report(&figures, None, false)
 }
@@ -267,10 +243,7 @@ fn all_tests() -> Result<(), Failure> {
 fn tests(test: &mut Command) -> Result<(), Failure> {
     let programs = target_folder().join("debug");
     let cores = thread::available_parallelism().map_or(1, usize::from);
-    test.env(
-        "RUST_TEST_THREADS",
-        cores.max(TESTS_IN_PARALLEL).to_string(),
-    );
+    test.env("RUST_TEST_THREADS", cores.max(TESTS_IN_PARALLEL).to_string());
     run(test.env("CORTICODE_PROGRAMS", programs), AFTER_A_TEST)
 }
 
@@ -321,9 +294,6 @@ mod tests {
         fs::remove_dir_all(&folder).expect("the folder");
         assert!(passed.status.success(), "{passed:?}");
         let message = String::from_utf8_lossy(&failed.stderr);
-        assert!(
-            !failed.status.success() && message.contains("needless_return"),
-            "{message}"
-        );
+        assert!(!failed.status.success() && message.contains("needless_return"), "{message}");
     }
 }

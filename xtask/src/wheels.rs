@@ -25,12 +25,7 @@ pub(crate) fn install() -> Result<(), Failure> {
         return Ok(());
     }
     let next = "see the message above; the packages come from the index that pip is set up for";
-    run(
-        Command::new(PYTHON)
-            .args(["-m", "venv", "--clear"])
-            .arg(&folder),
-        next,
-    )?;
+    run(Command::new(PYTHON).args(["-m", "venv", "--clear"]).arg(&folder), next)?;
     // Without compiling, because a test loads few of the modules. The list gives every version, so
     // pip need not resolve dependencies; `pip check` reports a dependency that the list lacks.
     let mut pip = Command::new(folder.join("bin/python"));
@@ -38,10 +33,7 @@ pub(crate) fn install() -> Result<(), Failure> {
     pip.args(["--no-compile", "--only-binary=:all:", "--requirement"]);
     run(pip.arg(&list), next)?;
     let mut check = Command::new(folder.join("bin/python"));
-    run(
-        check.args(["-m", "pip", "check"]),
-        &format!("list it in {LIST}"),
-    )?;
+    run(check.args(["-m", "pip", "check"]), &format!("list it in {LIST}"))?;
     let copy = folder.join(INSTALLED);
     fs::write(&copy, packages).or_fail(copy.display(), "make room on the disk")
 }

@@ -215,24 +215,14 @@ impl Classifier {
             let error = ClassifierError::Field { field, expected };
             is_valid.then_some(()).ok_or(error)
         };
-        let Self {
-            filters, decision, ..
-        } = self;
+        let Self { filters, decision, .. } = self;
         let (electrodes, features) = (self.electrodes.len(), filters.len());
         let classes = decision.classes.len();
         field("format", self.format == 1, "1")?;
-        field(
-            "electrodes",
-            (1..=64).contains(&electrodes),
-            "1 to 64 labels",
-        )?;
+        field("electrodes", (1..=64).contains(&electrodes), "1 to 64 labels")?;
         field("step_rate_hz", self.step_rate_hz > 0, "1 or more")?;
         field("hop_steps", self.hop_steps > 0, "1 or more")?;
-        field(
-            "filters",
-            (1..=MAX_FEATURES).contains(&features),
-            "1 to 8 filters",
-        )?;
+        field("filters", (1..=MAX_FEATURES).contains(&features), "1 to 8 filters")?;
         let is_filter = |filter: &SpatialFilter| {
             let magnitudes = filter.weights.iter().map(|w| u32::from(w.unsigned_abs()));
             filter.weights.len() == electrodes
@@ -308,15 +298,8 @@ impl Band {
         }
         let mut coefficients = self.sections.as_flattened().iter();
         let is_small = coefficients.all(|q32| q32.unsigned_abs() <= 1 << 34);
-        let decays = states
-            .as_flattened()
-            .iter()
-            .all(|value| value.abs() < DECAY.1);
-        if is_small && decays && last < DECAY.1 {
-            gains[0].max(gains[1])
-        } else {
-            f64::INFINITY
-        }
+        let decays = states.as_flattened().iter().all(|value| value.abs() < DECAY.1);
+        if is_small && decays && last < DECAY.1 { gains[0].max(gains[1]) } else { f64::INFINITY }
     }
 }
 

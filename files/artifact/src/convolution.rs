@@ -20,15 +20,8 @@ impl Volume {
     fn filled(size: [usize; 3], bias: &[f32]) -> Self {
         let [steps, rows, columns] = size;
         let per_channel = steps * rows * columns;
-        let values = bias
-            .iter()
-            .flat_map(|b| std::iter::repeat_n(*b, per_channel))
-            .collect();
-        Self {
-            channels: bias.len(),
-            size,
-            values,
-        }
+        let values = bias.iter().flat_map(|b| std::iter::repeat_n(*b, per_channel)).collect();
+        Self { channels: bias.len(), size, values }
     }
 
     /// Returns a copy with `pads[axis]` zeros added at both ends of each axis.
@@ -64,11 +57,7 @@ impl Volume {
                 }
             }
         }
-        Self {
-            channels: self.channels,
-            size,
-            values,
-        }
+        Self { channels: self.channels, size, values }
     }
 
     fn row(&self, channel: usize, step: usize, row: usize) -> &[f32] {
@@ -226,27 +215,16 @@ impl Norm {
         let tensor = |part: &str| weights.tensor(&format!("{name}.{part}"), &[channels]);
         let (weight, bias) = (tensor("weight")?, tensor("bias")?);
         let (mean, variance) = (tensor("running_mean")?, tensor("running_var")?);
-        let gain: Vec<f32> = weight
-            .iter()
-            .zip(variance)
-            .map(|(w, v)| w / (v + NORM_EPSILON).sqrt())
-            .collect();
-        let offset = bias
-            .iter()
-            .zip(&gain)
-            .zip(mean)
-            .map(|((b, g), mean)| b - g * mean)
-            .collect();
+        let gain: Vec<f32> =
+            weight.iter().zip(variance).map(|(w, v)| w / (v + NORM_EPSILON).sqrt()).collect();
+        let offset = bias.iter().zip(&gain).zip(mean).map(|((b, g), mean)| b - g * mean).collect();
         Ok(Self { gain, offset })
     }
 
     pub(crate) fn apply(&self, x: &mut Volume) {
         let length = x.values.len() / x.channels;
-        for ((values, gain), offset) in x
-            .values
-            .chunks_exact_mut(length)
-            .zip(&self.gain)
-            .zip(&self.offset)
+        for ((values, gain), offset) in
+            x.values.chunks_exact_mut(length).zip(&self.gain).zip(&self.offset)
         {
             for value in values {
                 *value = gain * *value + offset;

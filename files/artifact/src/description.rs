@@ -207,11 +207,7 @@ pub struct Grid {
 impl Grid {
     /// Creates a grid from its rows of cells, which must all have the same length.
     pub fn new(cells: Vec<Vec<String>>) -> Self {
-        Self {
-            rows: cells.len(),
-            columns: cells.first().map_or(0, Vec::len),
-            cells,
-        }
+        Self { rows: cells.len(), columns: cells.first().map_or(0, Vec::len), cells }
     }
 
     /// Returns the labels of all electrodes on the grid, row-major.

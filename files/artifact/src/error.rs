@@ -5,30 +5,18 @@ use std::path::{Path, PathBuf};
 
 /// Reason why an artifact cannot be read, written or used.
 #[derive(Debug, thiserror::Error)]
-#[expect(
-    missing_docs,
-    reason = "the messages say what each variant and its fields mean"
-)]
+#[expect(missing_docs, reason = "the messages say what each variant and its fields mean")]
 pub enum ArtifactError {
     #[error("cannot access {}: is this the folder of an artifact? (`trainer train` writes one)", path.display())]
-    File {
-        path: PathBuf,
-        source: std::io::Error,
-    },
+    File { path: PathBuf, source: std::io::Error },
     #[error(
         "{file} cannot be understood; correct what is named, or restore the file if it is cut short"
     )]
-    Toml {
-        file: &'static str,
-        source: Box<toml::de::Error>,
-    },
+    Toml { file: &'static str, source: Box<toml::de::Error> },
     #[error("the description cannot be written as TOML")]
     WriteToml(#[from] toml::ser::Error),
     #[error("{file} is damaged or not a safetensors file; write the artifact again")]
-    Safetensors {
-        file: &'static str,
-        source: safetensors::SafeTensorError,
-    },
+    Safetensors { file: &'static str, source: safetensors::SafeTensorError },
     #[error("{file}: {field} is {found}, but must be {expected}")]
     Field {
         file: &'static str,
@@ -42,24 +30,13 @@ pub enum ArtifactError {
         "{} is missing, which {other} needs; restore it, or delete the other one too and run `trainer {command}`",
         missing.display()
     )]
-    Half {
-        missing: PathBuf,
-        other: &'static str,
-        command: &'static str,
-    },
+    Half { missing: PathBuf, other: &'static str, command: &'static str },
     #[error(
         "model.toml: electrode {label}: {problem}; grid.cells and montage.electrodes must hold the same labels, each once"
     )]
-    Label {
-        label: String,
-        problem: &'static str,
-    },
+    Label { label: String, problem: &'static str },
     #[error("{file}: tensor {name}{problem}")]
-    Tensor {
-        file: &'static str,
-        name: String,
-        problem: TensorProblem,
-    },
+    Tensor { file: &'static str, name: String, problem: TensorProblem },
     #[error(
         "a model of mode `paper` cannot be decoded from its code: its pool indices are not sent; use `paper-code-only` or `shortcut`"
     )]
@@ -72,10 +49,7 @@ pub enum ArtifactError {
 
 /// How a tensor differs from what the model's mode, padding and pool require.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[expect(
-    missing_docs,
-    reason = "the messages say what each variant and its fields mean"
-)]
+#[expect(missing_docs, reason = "the messages say what each variant and its fields mean")]
 pub enum TensorProblem {
     #[error(" is missing; a model of this mode needs it")]
     Missing,
@@ -106,28 +80,18 @@ impl ArtifactError {
 
     /// Returns a function that adds the file's name to an error of the TOML library.
     pub(crate) fn toml(file: &'static str) -> impl FnOnce(toml::de::Error) -> Self {
-        move |source| Self::Toml {
-            file,
-            source: Box::new(source),
-        }
+        move |source| Self::Toml { file, source: Box::new(source) }
     }
 
     /// Returns a function that adds the path to an error of the operating system.
     pub(crate) fn file(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
-        |source| Self::File {
-            path: path.to_owned(),
-            source,
-        }
+        |source| Self::File { path: path.to_owned(), source }
     }
 }
 
 impl TensorProblem {
     pub(crate) fn of(self, file: &'static str, name: &str) -> ArtifactError {
-        ArtifactError::Tensor {
-            file,
-            name: name.to_owned(),
-            problem: self,
-        }
+        ArtifactError::Tensor { file, name: name.to_owned(), problem: self }
     }
 }
 

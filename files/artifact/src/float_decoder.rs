@@ -109,9 +109,6 @@ mod tests {
     fn a_model_of_mode_paper_has_no_decoder() {
         let mut artifact = testing::shortcut();
         artifact.description.mode = Mode::Paper;
-        assert!(matches!(
-            FloatDecoder::new(&artifact),
-            Err(ArtifactError::NotDecodable)
-        ));
+        assert!(matches!(FloatDecoder::new(&artifact), Err(ArtifactError::NotDecodable)));
     }
 }

@@ -19,10 +19,7 @@ pub(crate) const DESCRIPTION: &str = "model.toml";
 /// The two files of a packed model, and the command that writes them.
 const PACKED: Pair = ([PACKED_DESCRIPTION, PACKED_TENSORS], "packed");
 /// The two files of a table of substitutions, and the command that writes them.
-const SUBSTITUTION: Pair = (
-    [substitution::DESCRIPTION, substitution::TENSORS],
-    "substitution",
-);
+const SUBSTITUTION: Pair = ([substitution::DESCRIPTION, substitution::TENSORS], "substitution");
 
 /// Names of two files, of which a model has both or none, and the trainer command that writes both.
 type Pair = ([&'static str; 2], &'static str);
@@ -81,12 +78,7 @@ impl Artifact {
     ) -> Result<Self, ArtifactError> {
         let mut calibration = Tensors::for_calibration();
         calibration.insert(INPUT_RANGE, &[1], vec![largest_uv]);
-        Self::from_parts(
-            description,
-            Tensors::for_weights(),
-            calibration,
-            Some(packed),
-        )
+        Self::from_parts(description, Tensors::for_weights(), calibration, Some(packed))
     }
 
     fn from_parts(
@@ -183,17 +175,10 @@ impl Artifact {
             [None, None] => Ok(None),
             [Some(text), Some(bytes)] => Ok(Some((text, bytes))),
             [text, _] => {
-                let (missing, other) = if text.is_some() {
-                    (tensors, toml)
-                } else {
-                    (toml, tensors)
-                };
+                let (missing, other) =
+                    if text.is_some() { (tensors, toml) } else { (toml, tensors) };
                 let missing = missing.into();
-                Err(ArtifactError::Half {
-                    missing,
-                    other,
-                    command,
-                })
+                Err(ArtifactError::Half { missing, other, command })
             }
         };
         let description = parse_description(require(DESCRIPTION)?)?;
@@ -208,12 +193,8 @@ impl Artifact {
             both(PACKED)?.map(|(toml, tensors)| PackedModel::parse(toml, tensors, &description));
         let substitution = both(SUBSTITUTION)?
             .map(|(toml, tensors)| SubstitutionTable::parse(toml, tensors, &description));
-        let hashed = Self::FILES
-            .into_iter()
-            .filter(|&name| has_network || name != WEIGHTS);
-        let hashed: Vec<_> = hashed
-            .filter_map(|name| Some((name, find(name)?)))
-            .collect();
+        let hashed = Self::FILES.into_iter().filter(|&name| has_network || name != WEIGHTS);
+        let hashed: Vec<_> = hashed.filter_map(|name| Some((name, find(name)?))).collect();
         let artifact = Self {
             weights,
             calibration,

@@ -79,12 +79,7 @@ impl Geometry {
     pub const fn new(description: &Description) -> Self {
         let dimensions = description.dimensions();
         let NetworkShape { padding, pool } = description.network;
-        let Dimensions {
-            steps,
-            rows,
-            columns,
-            ..
-        } = dimensions;
+        let Dimensions { steps, rows, columns, .. } = dimensions;
         let hidden = convolved([steps, rows, columns], padding);
         let feature_map = convolved(hidden, padding);
         Self {
@@ -93,11 +88,7 @@ impl Geometry {
             pool,
             hidden,
             feature_map,
-            pooled: [
-                feature_map[0] / pool[0],
-                feature_map[1] / pool[1],
-                feature_map[2] / pool[2],
-            ],
+            pooled: [feature_map[0] / pool[0], feature_map[1] / pool[1], feature_map[2] / pool[2]],
         }
     }
 

@@ -76,18 +76,13 @@ impl Golden {
             CodeFormat::Int8Exponent => file.elements(EXPONENTS, Dtype::U8, &[count])?.to_vec(),
             CodeFormat::Int8 | CodeFormat::Int16 => vec![0; count],
         };
-        let codes = exponents
-            .into_iter()
-            .zip(values.chunks_exact(numbers.max(1)));
+        let codes = exponents.into_iter().zip(values.chunks_exact(numbers.max(1)));
         Ok(Self {
             format,
             window_shape: [steps, cells],
             windows: windows.map(<[i8]>::to_vec).collect(),
             codes: codes
-                .map(|(exponent, values)| IntegerCode {
-                    exponent,
-                    values: values.to_vec(),
-                })
+                .map(|(exponent, values)| IntegerCode { exponent, values: values.to_vec() })
                 .collect(),
         })
     }
@@ -113,9 +108,8 @@ impl Golden {
         let windows: Vec<u8> = windows.map(|q| q.cast_unsigned()).collect();
         let values = self.codes.iter().flat_map(|code| &code.values);
         let width = element_type(self.format).bitsize() / 8;
-        let values: Vec<u8> = values
-            .flat_map(|value| value.to_le_bytes().into_iter().take(width))
-            .collect();
+        let values: Vec<u8> =
+            values.flat_map(|value| value.to_le_bytes().into_iter().take(width)).collect();
         let exponents: Vec<u8> = self.codes.iter().map(|code| code.exponent).collect();
         let kind = element_type(self.format);
         let mut tensors: Vec<NamedTensor> = vec![
@@ -142,9 +136,7 @@ fn element_type(format: CodeFormat) -> Dtype {
 fn shape<const N: usize>(file: &TensorFile, name: &str) -> Result<[usize; N], ArtifactError> {
     let view = file.tensor(name)?;
     let lengths = view.shape();
-    Ok(std::array::from_fn(|axis| {
-        lengths.get(axis).copied().unwrap_or(0)
-    }))
+    Ok(std::array::from_fn(|axis| lengths.get(axis).copied().unwrap_or(0)))
 }
 
 #[cfg(test)]
@@ -159,21 +151,12 @@ mod tests {
             exponent: format.largest_exponent(),
             values: vec![value; 128],
         });
-        Golden {
-            format,
-            window_shape: [16, 90],
-            windows,
-            codes: codes.to_vec(),
-        }
+        Golden { format, window_shape: [16, 90], windows, codes: codes.to_vec() }
     }
 
     #[test]
     fn written_golden_windows_read_back_in_every_format() {
-        for format in [
-            CodeFormat::Int8,
-            CodeFormat::Int8Exponent,
-            CodeFormat::Int16,
-        ] {
+        for format in [CodeFormat::Int8, CodeFormat::Int8Exponent, CodeFormat::Int16] {
             let folder = tempfile::tempdir().unwrap();
             golden(format).write(folder.path()).unwrap();
             assert_eq!(Golden::read(folder.path()).unwrap(), golden(format));
@@ -196,10 +179,7 @@ mod tests {
         let bytes = tensor_file::to_bytes(GOLDEN, &tensors).unwrap();
         assert!(matches!(
             Golden::from_bytes(&bytes),
-            Err(ArtifactError::Tensor {
-                problem: TensorProblem::Shape(..),
-                ..
-            })
+            Err(ArtifactError::Tensor { problem: TensorProblem::Shape(..), .. })
         ));
     }
 }

@@ -44,22 +44,13 @@ pub struct MontageAdc {
 
 /// Why a montage file cannot be used.
 #[derive(Debug, thiserror::Error)]
-#[expect(
-    missing_docs,
-    reason = "the messages say what each variant and its fields mean"
-)]
+#[expect(missing_docs, reason = "the messages say what each variant and its fields mean")]
 pub enum MontageFileError {
     #[error("cannot read the montage {}", path.display())]
-    File {
-        path: PathBuf,
-        source: std::io::Error,
-    },
+    File { path: PathBuf, source: std::io::Error },
     /// The text is not TOML, or a field is missing, misspelt or of the wrong type.
     #[error("{} is no montage; files/montages/paper-61.toml is an example", path.display())]
-    Toml {
-        path: PathBuf,
-        source: toml::de::Error,
-    },
+    Toml { path: PathBuf, source: toml::de::Error },
 }
 
 impl MontageFile {
@@ -68,10 +59,8 @@ impl MontageFile {
     /// # Errors
     /// If the file cannot be read or parsed. Whether the montage is valid is not checked.
     pub fn read(path: &Path) -> Result<Self, MontageFileError> {
-        let text = std::fs::read_to_string(path).map_err(|source| MontageFileError::File {
-            path: path.to_owned(),
-            source,
-        })?;
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| MontageFileError::File { path: path.to_owned(), source })?;
         Self::parse(path, &text)
     }
 
@@ -81,10 +70,8 @@ impl MontageFile {
     /// If the text is not TOML with the fields of a montage. Whether the montage is valid is not
     /// checked.
     pub fn parse(path: &Path, text: &str) -> Result<Self, MontageFileError> {
-        toml::from_str(text).map_err(|source| MontageFileError::Toml {
-            path: path.to_owned(),
-            source,
-        })
+        toml::from_str(text)
+            .map_err(|source| MontageFileError::Toml { path: path.to_owned(), source })
     }
 
     /// Returns the scalp grid, whose rows can have different lengths if the montage is invalid.

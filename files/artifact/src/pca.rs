@@ -25,11 +25,7 @@ impl Pca {
         let numbers = directions.len();
         let values = directions.concat();
         let mut tensors = Tensors::for_pca();
-        tensors.insert(
-            "directions",
-            &[numbers, values.len() / numbers.max(1)],
-            values,
-        );
+        tensors.insert("directions", &[numbers, values.len() / numbers.max(1)], values);
         tensors.insert(INPUT_RANGE, &[1], vec![largest_uv]);
         for (name, values) in ["code.min", "code.max"].into_iter().zip(ranges) {
             tensors.insert(name, &[numbers], values);
@@ -44,9 +40,7 @@ impl Pca {
     pub fn from_model(model: &Artifact) -> Result<Self, ArtifactError> {
         let dimensions = model.description.dimensions();
         let (numbers, window) = (dimensions.numbers, dimensions.window_electrodes());
-        let directions = model
-            .weights
-            .tensor(DIRECTIONS_OF_MODEL, &[numbers, window])?;
+        let directions = model.weights.tensor(DIRECTIONS_OF_MODEL, &[numbers, window])?;
         let mut tensors = Tensors::for_pca();
         tensors.insert("directions", &[numbers, window], directions.to_vec());
         for (name, shape) in calibration_shapes(Mode::Pca, &dimensions) {
@@ -65,15 +59,10 @@ impl Pca {
         let dimensions = description.dimensions();
         let (numbers, window) = (dimensions.numbers, dimensions.window_electrodes());
         let directions = self.0.tensor("directions", &[numbers, window])?;
-        let transposed = (0..window)
-            .flat_map(|value| directions.iter().skip(value).step_by(window))
-            .copied();
+        let transposed =
+            (0..window).flat_map(|value| directions.iter().skip(value).step_by(window)).copied();
         let mut weights = Tensors::for_weights();
-        weights.insert(
-            "decoder.shortcut.weight",
-            &[window, numbers],
-            transposed.collect(),
-        );
+        weights.insert("decoder.shortcut.weight", &[window, numbers], transposed.collect());
         weights.insert(DIRECTIONS_OF_MODEL, &[numbers, window], directions.to_vec());
         let mut calibration = Tensors::for_calibration();
         for (name, shape) in calibration_shapes(Mode::Pca, &dimensions) {
@@ -134,9 +123,6 @@ mod tests {
         let mut description = model.description.clone();
         description.code.numbers = 64;
         let error = pca.to_model(description).unwrap_err().to_string();
-        assert!(
-            error.contains("pca.safetensors") && error.contains("directions"),
-            "{error}"
-        );
+        assert!(error.contains("pca.safetensors") && error.contains("directions"), "{error}");
     }
 }

@@ -23,10 +23,7 @@ fn convolution_shapes(flat: usize, numbers: usize) -> Vec<NamedShape> {
         ("encoder.norm1.bias", vec![CONV1_CHANNELS]),
         ("encoder.norm1.running_mean", vec![CONV1_CHANNELS]),
         ("encoder.norm1.running_var", vec![CONV1_CHANNELS]),
-        (
-            "encoder.conv2.weight",
-            kernel(CONV2_CHANNELS, CONV1_CHANNELS),
-        ),
+        ("encoder.conv2.weight", kernel(CONV2_CHANNELS, CONV1_CHANNELS)),
         ("encoder.conv2.bias", vec![CONV2_CHANNELS]),
         ("encoder.norm2.weight", vec![CONV2_CHANNELS]),
         ("encoder.norm2.bias", vec![CONV2_CHANNELS]),
@@ -36,10 +33,7 @@ fn convolution_shapes(flat: usize, numbers: usize) -> Vec<NamedShape> {
         ("encoder.fc.bias", vec![numbers]),
         ("decoder.fc.weight", vec![flat, numbers]),
         ("decoder.fc.bias", vec![flat]),
-        (
-            "decoder.conv1.weight",
-            kernel(CONV2_CHANNELS, CONV1_CHANNELS),
-        ),
+        ("decoder.conv1.weight", kernel(CONV2_CHANNELS, CONV1_CHANNELS)),
         ("decoder.conv1.bias", vec![CONV1_CHANNELS]),
         ("decoder.norm1.weight", vec![CONV1_CHANNELS]),
         ("decoder.norm1.bias", vec![CONV1_CHANNELS]),

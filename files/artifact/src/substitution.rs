@@ -111,24 +111,11 @@ impl SubstitutionTable {
         let weights = self.weights.iter().map(|weight| weight.cast_unsigned());
         let innovation = self.innovation.iter().flat_map(|word| word.to_le_bytes());
         let tensors = [
-            (
-                WEIGHTS,
-                Dtype::I8,
-                vec![electrodes; 2],
-                weights.collect::<Vec<u8>>(),
-            ),
-            (
-                INNOVATION,
-                Dtype::I32,
-                vec![electrodes],
-                innovation.collect(),
-            ),
+            (WEIGHTS, Dtype::I8, vec![electrodes; 2], weights.collect::<Vec<u8>>()),
+            (INNOVATION, Dtype::I32, vec![electrodes], innovation.collect()),
         ];
         let description = toml::to_string(&self.description)?.into_bytes();
-        Ok([
-            (DESCRIPTION, description),
-            (TENSORS, tensor_file::to_bytes(TENSORS, &tensors)?),
-        ])
+        Ok([(DESCRIPTION, description), (TENSORS, tensor_file::to_bytes(TENSORS, &tensors)?)])
     }
 
     /// Checks that the table has the shape of the montage and that all numbers are in their ranges.

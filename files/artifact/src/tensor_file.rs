@@ -28,9 +28,7 @@ impl<'f> TensorFile<'f> {
 
     /// Returns a tensor, whatever its element type and shape.
     pub(crate) fn tensor(&self, name: &str) -> Result<TensorView<'f>, ArtifactError> {
-        self.tensors
-            .tensor(name)
-            .map_err(|_| TensorProblem::Missing.of(self.name, name))
+        self.tensors.tensor(name).map_err(|_| TensorProblem::Missing.of(self.name, name))
     }
 
     /// Returns the bytes of a tensor, or an error if its elements are not of type `kind`.

@@ -37,10 +37,7 @@ impl Tensors {
     }
 
     fn new(file: &'static str) -> Self {
-        Self {
-            file,
-            tensors: BTreeMap::new(),
-        }
+        Self { file, tensors: BTreeMap::new() }
     }
 
     /// Inserts a tensor, or replaces the tensor of the same name.
@@ -53,8 +50,7 @@ impl Tensors {
             shape.iter().product::<usize>(),
             "{name} does not fill its shape {shape:?}"
         );
-        self.tensors
-            .insert(name.to_owned(), (shape.to_vec(), values));
+        self.tensors.insert(name.to_owned(), (shape.to_vec(), values));
     }
 
     /// Returns the elements of a tensor, last dimension fastest.
@@ -72,9 +68,7 @@ impl Tensors {
 
     /// Returns name and shape of every tensor, sorted by name.
     pub fn shapes(&self) -> impl Iterator<Item = (&str, &[usize])> {
-        self.tensors
-            .iter()
-            .map(|(name, (shape, _))| (name.as_str(), shape.as_slice()))
+        self.tensors.iter().map(|(name, (shape, _))| (name.as_str(), shape.as_slice()))
     }
 
     /// Returns an error if an expected tensor is missing or has another shape, a tensor is
@@ -134,14 +128,7 @@ mod tests {
     ) {
         let error = result.unwrap_err();
         let text = error.to_string();
-        let ArtifactError::Tensor {
-            name: found,
-            problem,
-            ..
-        } = error
-        else {
-            panic!("{text}")
-        };
+        let ArtifactError::Tensor { name: found, problem, .. } = error else { panic!("{text}") };
         assert_eq!((found.as_str(), &problem), (name, expected));
     }
 

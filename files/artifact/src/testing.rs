@@ -10,10 +10,7 @@ use crate::tensors::Tensors;
 pub(crate) fn description() -> Description {
     let paper = include_str!("../../../signal/model/paper/model.toml");
     let paper: Description = toml::from_str(paper).unwrap();
-    Description {
-        mode: Mode::Pca,
-        ..paper
-    }
+    Description { mode: Mode::Pca, ..paper }
 }
 
 fn calibration(description: &Description) -> Tensors {

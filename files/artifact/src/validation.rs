@@ -91,26 +91,16 @@ pub fn check_description(d: &Description) -> Result<(), ArtifactError> {
     let card = &d.training;
     let electrodes = card.real_electrodes + card.interpolated_electrodes;
     let expected = format!("at most {count}, the number of electrodes");
-    Field(
-        "training.real_electrodes plus training.interpolated_electrodes",
-        &electrodes,
-    )
-    .must(electrodes <= count, expected)?;
+    Field("training.real_electrodes plus training.interpolated_electrodes", &electrodes)
+        .must(electrodes <= count, expected)?;
     let expected = "one label for each of training.interpolated_electrodes";
-    Field("training.interpolated", &card.interpolated.len()).must(
-        card.interpolated.len() == card.interpolated_electrodes,
-        expected,
-    )?;
-    match card
-        .interpolated
-        .iter()
-        .find(|label| !d.montage.electrodes.contains(label))
-    {
+    Field("training.interpolated", &card.interpolated.len())
+        .must(card.interpolated.len() == card.interpolated_electrodes, expected)?;
+    match card.interpolated.iter().find(|label| !d.montage.electrodes.contains(label)) {
         None => Ok(()),
-        Some(label) => Err(label_error(
-            label,
-            "is listed as interpolated but is not in the montage",
-        )),
+        Some(label) => {
+            Err(label_error(label, "is listed as interpolated but is not in the montage"))
+        }
     }
 }
 
@@ -127,24 +117,17 @@ fn check_numbers(d: &Description) -> Result<(), ArtifactError> {
         let expected = "0, because mode \"packed\" has no network";
         return Field("code.numbers", &numbers).must(numbers == 0, expected);
     }
-    let expected = format!(
-        "{} to {}, and a multiple of {NUMBERS_MULTIPLE}",
-        NUMBERS.start(),
-        NUMBERS.end()
-    );
-    Field("code.numbers", &numbers).must(
-        NUMBERS.contains(&numbers) && numbers.is_multiple_of(NUMBERS_MULTIPLE),
-        expected,
-    )
+    let expected =
+        format!("{} to {}, and a multiple of {NUMBERS_MULTIPLE}", NUMBERS.start(), NUMBERS.end());
+    Field("code.numbers", &numbers)
+        .must(NUMBERS.contains(&numbers) && numbers.is_multiple_of(NUMBERS_MULTIPLE), expected)
 }
 
 fn check_grid(d: &Description) -> Result<(), ArtifactError> {
     let grid = &d.grid;
     for (field, length) in [("grid.rows", grid.rows), ("grid.columns", grid.columns)] {
-        Field(field, &length).must(
-            (1..=LARGEST_SIDE).contains(&length),
-            format!("1 to {LARGEST_SIDE}"),
-        )?;
+        Field(field, &length)
+            .must((1..=LARGEST_SIDE).contains(&length), format!("1 to {LARGEST_SIDE}"))?;
     }
     let lengths: Vec<usize> = grid.cells.iter().map(Vec::len).collect();
     let expected = format!("{} rows of {} cells each", grid.rows, grid.columns);
@@ -152,10 +135,7 @@ fn check_grid(d: &Description) -> Result<(), ArtifactError> {
 }
 
 fn label_error(label: &str, problem: &'static str) -> ArtifactError {
-    ArtifactError::Label {
-        label: label.to_owned(),
-        problem,
-    }
+    ArtifactError::Label { label: label.to_owned(), problem }
 }
 
 fn check_labels(d: &Description) -> Result<(), ArtifactError> {
@@ -164,23 +144,14 @@ fn check_labels(d: &Description) -> Result<(), ArtifactError> {
         // The device sends the labels to the host as one text, separated by blanks.
         let well_formed = !label.is_empty() && label.chars().all(|c| c.is_ascii_graphic());
         if !well_formed || label == EMPTY {
-            return Err(label_error(
-                label,
-                "is not a label (visible ASCII without blanks)",
-            ));
+            return Err(label_error(label, "is not a label (visible ASCII without blanks)"));
         }
         if !montage.insert(label) {
             return Err(label_error(label, "is in the montage twice"));
         }
     }
     let mut grid = BTreeSet::new();
-    for label in d
-        .grid
-        .cells
-        .iter()
-        .flatten()
-        .filter(|label| *label != EMPTY)
-    {
+    for label in d.grid.cells.iter().flatten().filter(|label| *label != EMPTY) {
         if !montage.contains(label) {
             return Err(label_error(label, "is on the grid but not in the montage"));
         }
@@ -199,19 +170,12 @@ fn check_convolutions(d: &Description) -> Result<(), ArtifactError> {
     let map = Geometry::new(d).feature_map;
     let expected = "at least 5 x 5 cells for convolutions without padding; choose network.padding \"space\", or mode \"pca\", \
          which has no convolutions";
-    Field(
-        "grid",
-        &format_args!("{} x {} cells", d.grid.rows, d.grid.columns),
-    )
-    .must(map.iter().all(|length| *length > 0), expected)?;
-    let expected = format!(
-        "at most {}, the feature map; make it smaller or pad the convolutions",
-        List(&map)
-    );
-    Field("network.pool", &List(&pool)).must(
-        pool.iter().zip(map).all(|(pool, map)| *pool <= map),
-        expected,
-    )?;
+    Field("grid", &format_args!("{} x {} cells", d.grid.rows, d.grid.columns))
+        .must(map.iter().all(|length| *length > 0), expected)?;
+    let expected =
+        format!("at most {}, the feature map; make it smaller or pad the convolutions", List(&map));
+    Field("network.pool", &List(&pool))
+        .must(pool.iter().zip(map).all(|(pool, map)| *pool <= map), expected)?;
     let expected = format!(
         "such that the pools of a row cover at least {COLUMNS_AT_A_TIME} of the feature map's {} columns",
         map[2]
@@ -275,10 +239,7 @@ fn check_filters(d: &Description) -> Result<(), ArtifactError> {
     let expected = "one or more frequencies below half of adc.rate_hz";
     Field("filters.mains_hz", &List(&filters.mains_hz)).must(
         !filters.mains_hz.is_empty()
-            && filters
-                .mains_hz
-                .iter()
-                .all(|&hz| hz > 0 && f64::from(hz) < nyquist),
+            && filters.mains_hz.iter().all(|&hz| hz > 0 && f64::from(hz) < nyquist),
         expected,
     )?;
     let highest_mains = filters.mains_hz.iter().copied().max().unwrap_or(0);
@@ -286,10 +247,8 @@ fn check_filters(d: &Description) -> Result<(), ArtifactError> {
     let expected =
         "small enough that (1 + harmonics) times the mains frequency is below half of adc.rate_hz";
     Field("filters.harmonics", &filters.harmonics).must(highest_notch < nyquist, expected)?;
-    Field("filters.notch_q", &filters.notch_q).must(
-        filters.notch_q.is_finite() && filters.notch_q > 0.0,
-        "a positive number",
-    )?;
+    Field("filters.notch_q", &filters.notch_q)
+        .must(filters.notch_q.is_finite() && filters.notch_q > 0.0, "a positive number")?;
     let [low, high] = filters.band_hz;
     let expected = "two increasing frequencies between 0 and half of adc.rate_hz";
     Field("filters.band_hz", &List(&filters.band_hz))
@@ -302,10 +261,7 @@ fn check_filters(d: &Description) -> Result<(), ArtifactError> {
 pub(crate) fn check_weights(d: &Description, tensors: &Tensors) -> Result<(), ArtifactError> {
     let expected = weight_shapes(d.mode, &Geometry::new(d));
     tensors.check(&expected)?;
-    for (name, shape) in expected
-        .iter()
-        .filter(|(name, _)| name.ends_with("running_var"))
-    {
+    for (name, shape) in expected.iter().filter(|(name, _)| name.ends_with("running_var")) {
         let variances = tensors.tensor(name, shape)?;
         if let Some(index) = variances.iter().position(|variance| *variance < 0.0) {
             return Err(tensors.range_error(name, index, "a variance cannot be negative"));

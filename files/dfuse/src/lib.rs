@@ -79,13 +79,7 @@ impl Image {
     ///
     /// [`DfuseError::TooLong`].
     pub fn to_dfu(&self) -> Result<Vec<u8>, DfuseError> {
-        let Image {
-            board,
-            firmware,
-            model,
-            address,
-            content,
-        } = self;
+        let Image { board, firmware, model, address, content } = self;
         let mut name = format!("{board}; firmware {firmware}; model {model}").into_bytes();
         let length = u32::try_from(content.len()).map_err(|_| DfuseError::TooLong)?;
         let size = length.checked_add(HEADERS).ok_or(DfuseError::TooLong)?;
@@ -160,13 +154,7 @@ fn parse(file: &[u8]) -> Option<Image> {
     let board = words.next()?.to_owned();
     let firmware = words.next()?.strip_prefix("firmware ")?.to_owned();
     let model = words.next()?.strip_prefix("model ")?.to_owned();
-    Some(Image {
-        board,
-        firmware,
-        model,
-        address,
-        content: rest.to_vec(),
-    })
+    Some(Image { board, firmware, model, address, content: rest.to_vec() })
 }
 
 fn expect(bytes: &mut &[u8], expected: &[u8]) -> Option<()> {
@@ -240,9 +228,6 @@ mod tests {
         assert_eq!(Image::from_dfu(&suffix_alone), foreign);
         assert_eq!(Image::from_dfu(b"\x7fELF"), Err(DfuseError::NoSuffix));
         let board = "B".repeat(230);
-        assert_eq!(
-            Image { board, ..image() }.to_dfu(),
-            Err(DfuseError::TooLong)
-        );
+        assert_eq!(Image { board, ..image() }.to_dfu(), Err(DfuseError::TooLong));
     }
 }

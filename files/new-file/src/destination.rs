@@ -68,10 +68,7 @@ impl Destination {
             inputs.find(|input| input.metadata().is_ok_and(|other| is_same(&other)))
         {
             let input = input.clone();
-            return Err(NewFileError::Input {
-                path: named(),
-                input,
-            });
+            return Err(NewFileError::Input { path: named(), input });
         }
         match existing {
             Existing::Refuse => Err(NewFileError::Exists { path: named() }),

@@ -58,16 +58,9 @@ impl NewFile {
             };
             Ok((target, bytes))
         };
-        let (target, bytes) = create().map_err(|source| NewFileError::Create {
-            path: path.to_owned(),
-            source,
-        })?;
-        Ok(Self {
-            path: path.to_owned(),
-            target,
-            existing,
-            bytes,
-        })
+        let (target, bytes) =
+            create().map_err(|source| NewFileError::Create { path: path.to_owned(), source })?;
+        Ok(Self { path: path.to_owned(), target, existing, bytes })
     }
 
     /// Returns a second handle to the file, for a writer that takes a [`File`].
@@ -100,11 +93,7 @@ impl NewFile {
         });
         match finished {
             Ok(_) => Ok(()),
-            Err(source) => Err(NewFileError::Finish {
-                path: self.path,
-                kept,
-                source,
-            }),
+            Err(source) => Err(NewFileError::Finish { path: self.path, kept, source }),
         }
     }
 
@@ -178,10 +167,7 @@ mod tests {
         for name in ["session.edf", "symbolic", "hard", "./session.edf"] {
             for existing in [Existing::Refuse, Existing::Replace] {
                 let refused = create(&at(name), existing, &inputs).expect_err("it is the input");
-                assert!(
-                    matches!(refused, NewFileError::Input { .. }),
-                    "{name}: {refused}"
-                );
+                assert!(matches!(refused, NewFileError::Input { .. }), "{name}: {refused}");
             }
         }
         assert_eq!(fs::read(&input).expect("untouched"), b"EEG");

@@ -14,10 +14,9 @@ use crate::error::NewFileError;
 pub fn print(text: impl Display) -> Result<(), NewFileError> {
     let mut out = io::stdout().lock();
     match write!(out, "{text}").and_then(|()| out.flush()) {
-        Err(source) if source.kind() != ErrorKind::BrokenPipe => Err(NewFileError::Write {
-            path: "standard output".into(),
-            source,
-        }),
+        Err(source) if source.kind() != ErrorKind::BrokenPipe => {
+            Err(NewFileError::Write { path: "standard output".into(), source })
+        }
         _ => Ok(()),
     }
 }

@@ -31,11 +31,7 @@ const MOST_TICKS: f64 = 10.0;
 impl Axis {
     /// Creates an axis with ticks at round values.
     pub fn new(label: impl Into<String>, scale: Scale) -> Self {
-        Self {
-            label: label.into(),
-            scale,
-            ticks: Vec::new(),
-        }
+        Self { label: label.into(), scale, ticks: Vec::new() }
     }
 
     /// Returns whether the axis can show a value: any finite value, but on a logarithmic axis only
@@ -55,9 +51,8 @@ impl Axis {
     /// Returns the first and the last coordinate of an axis that shows all of these values, with a
     /// margin of 4 % at both ends.
     pub(crate) fn coordinates(&self, values: impl Iterator<Item = f64>) -> [f64; 2] {
-        let coordinates = values
-            .filter(|value| self.has(*value))
-            .map(|value| self.coordinate(value));
+        let coordinates =
+            values.filter(|value| self.has(*value)).map(|value| self.coordinate(value));
         let (low, high) = coordinates
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| {
                 (low.min(at), high.max(at))
@@ -66,11 +61,7 @@ impl Axis {
             return [0.0, 1.0];
         }
         // A single value spans no range, so the axis gets a width in proportion to the value.
-        let width = if high > low {
-            high - low
-        } else {
-            high.abs().max(0.1)
-        };
+        let width = if high > low { high - low } else { high.abs().max(0.1) };
         [low - 0.04 * width, high + 0.04 * width]
     }
 
@@ -79,9 +70,7 @@ impl Axis {
         let is_shown = |coordinate: &f64| (low..=high).contains(coordinate);
         let ticks: Vec<(f64, String)> = if !self.ticks.is_empty() {
             let ticks = self.ticks.iter().filter(|(value, _)| self.has(*value));
-            ticks
-                .map(|(value, text)| (self.coordinate(*value), text.clone()))
-                .collect()
+            ticks.map(|(value, text)| (self.coordinate(*value), text.clone())).collect()
         } else if self.scale == Scale::Logarithmic && high - low > 1.0 {
             let decades = whole(low.floor())..=whole(high.ceil());
             let round = decades.flat_map(|decade| [1, 2, 5].map(|digit| (digit, decade)));
@@ -97,10 +86,7 @@ impl Axis {
         } else {
             self.round_values(low, high).collect()
         };
-        ticks
-            .into_iter()
-            .filter(|(coordinate, _)| is_shown(coordinate))
-            .collect()
+        ticks.into_iter().filter(|(coordinate, _)| is_shown(coordinate)).collect()
     }
 
     /// Returns round values from `low` to `high`, with their texts: all multiples of a step that is
@@ -131,10 +117,7 @@ fn text(value: f64, decade: i32) -> String {
     format!("{value:.places$}").replace('-', "−")
 }
 
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "saturates, far outside the range of any axis"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "saturates, far outside the range of any axis")]
 fn whole(value: f64) -> i32 {
     value as i32
 }
@@ -156,12 +139,7 @@ mod tests {
     #[test]
     fn ticks_are_round_and_have_the_digits_that_tell_them_apart() {
         for (scale, low, high, expected) in [
-            (
-                Scale::Linear,
-                0.0,
-                1.0,
-                "0.0 0.1 0.2 0.3 0.4 0.5 0.6 0.7 0.8 0.9 1.0",
-            ),
+            (Scale::Linear, 0.0, 1.0, "0.0 0.1 0.2 0.3 0.4 0.5 0.6 0.7 0.8 0.9 1.0"),
             (
                 Scale::Linear,
                 0.0029,
@@ -172,12 +150,7 @@ mod tests {
             (Scale::Whole, 0.0, 2.0, "0 1 2"),
             (Scale::Whole, 0.0, 7.5, "0 1 2 3 4 5 6 7"),
             (Scale::Whole, 0.0, 60.0, "0 10 20 30 40 50 60"),
-            (
-                Scale::Logarithmic,
-                0.002,
-                1.0,
-                "0.002 0.005 0.01 0.02 0.05 0.1 0.2 0.5 1",
-            ),
+            (Scale::Logarithmic, 0.002, 1.0, "0.002 0.005 0.01 0.02 0.05 0.1 0.2 0.5 1"),
             (Scale::Logarithmic, 100.0, 610.0, "100 200 300 400 500 600"),
         ] {
             let expected: Vec<&str> = expected.split(' ').collect();

@@ -56,10 +56,7 @@ pub(crate) fn page(
         draw(&below)?;
         page.present()
     })();
-    drawn.map_err(|error| PictureError {
-        path: path.display().to_string(),
-        why: error.to_string(),
-    })
+    drawn.map_err(|error| PictureError { path: path.display().to_string(), why: error.to_string() })
 }
 
 /// Returns a builder for a chart with a labelled x axis. `top`, `left` and `right` are margins, and

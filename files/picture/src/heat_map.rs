@@ -31,11 +31,7 @@ const STRONGEST: i32 = 10;
 const REACH: f64 = 2.5;
 /// Colours of the lowest level, of level 0 and of the highest level; the colours of all other
 /// levels are interpolated.
-const COLORS: [RGBColor; 3] = [
-    RGBColor(0x21, 0x5a, 0xa0),
-    WHITE,
-    RGBColor(0xb8, 0x2e, 0x2e),
-];
+const COLORS: [RGBColor; 3] = [RGBColor(0x21, 0x5a, 0xa0), WHITE, RGBColor(0xb8, 0x2e, 0x2e)];
 /// Colour of a lost code.
 const ABSENT: RGBColor = RGBColor(0xbd, 0xc4, 0xcc);
 
@@ -112,10 +108,7 @@ impl HeatMap {
             let deviation = if sd > 0.0 { (x - mean) / sd } else { 0.0 };
             (deviation / REACH * most).round().clamp(-most, most)
         };
-        let levels = self
-            .codes
-            .iter()
-            .map(|code| code.as_ref().and_then(value).map(level));
+        let levels = self.codes.iter().map(|code| code.as_ref().and_then(value).map(level));
         levels.collect()
     }
 }

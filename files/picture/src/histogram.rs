@@ -27,9 +27,7 @@ impl Histogram {
     /// # Errors
     /// The file cannot be written.
     pub fn draw(&self, path: &Path) -> Result<(), PictureError> {
-        canvas::page(path, SIZE, [&self.title, &self.subtitle], |area| {
-            self.draw_on(area)
-        })
+        canvas::page(path, SIZE, [&self.title, &self.subtitle], |area| self.draw_on(area))
     }
 
     fn draw_on(&self, area: &Area) -> Drawn {

@@ -8,10 +8,7 @@ use crate::canvas::{self, Area, Drawn, INK, PictureError, REFERENCE, RESULT, SOU
 use crate::spread::Spread;
 
 /// Mean and SD of the interval between codes in arXiv 2008.13485 (interval histogram), ms.
-const PAPER_MS: Spread = Spread {
-    mean: 62.499,
-    sd: 0.227,
-};
+const PAPER_MS: Spread = Spread { mean: 62.499, sd: 0.227 };
 
 /// Intervals between the codes of one run, to be drawn as a histogram.
 #[derive(Debug, Clone)]
@@ -58,9 +55,7 @@ impl Intervals {
     fn draw_on(&self, area: &Area) -> Drawn {
         let spreads = [Some(&self.arrival), self.rival.as_ref()];
         let spreads = spreads.into_iter().flatten();
-        let sd = spreads
-            .map(|series| Spread::from_values(&series.ms).sd)
-            .fold(0.0, f64::max);
+        let sd = spreads.map(|series| Spread::from_values(&series.ms).sd).fold(0.0, f64::max);
         // The axis is wide enough for the paper's curve and nearly all intervals; the legend states
         // how many intervals are outside.
         let reach = (4.0 * sd).clamp(4.0 * PAPER_MS.sd, 6.0);
@@ -111,10 +106,7 @@ impl Intervals {
 impl Counted {
     /// Counts `values` in bins of equal `width` from `low` on; all in ms.
     fn new(values: &[f64], low: f64, width: f64) -> Self {
-        let mut counted = Self {
-            counts: [0.0; BINS],
-            outside: 0,
-        };
+        let mut counted = Self { counts: [0.0; BINS], outside: 0 };
         for value in values {
             let bin = (0..BINS).find(|bin| *value >= low && *value < low + real(bin + 1) * width);
             match bin {

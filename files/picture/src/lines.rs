@@ -60,13 +60,7 @@ impl Series {
         mark: Mark,
         points: Vec<(f64, f64)>,
     ) -> Self {
-        Self {
-            label: label.into(),
-            color,
-            mark,
-            points,
-            sd: Vec::new(),
-        }
+        Self { label: label.into(), color, mark, points, sd: Vec::new() }
     }
 
     /// Returns each point as x, y and standard deviation, which is 0 if the series has none.
@@ -90,9 +84,7 @@ impl Lines {
     /// # Errors
     /// The file cannot be written.
     pub fn draw(&self, path: &Path) -> Result<(), PictureError> {
-        canvas::page(path, SIZE, [&self.title, &self.subtitle], |area| {
-            self.draw_on(area)
-        })
+        canvas::page(path, SIZE, [&self.title, &self.subtitle], |area| self.draw_on(area))
     }
 
     fn draw_on(&self, area: &Area) -> Drawn {
@@ -143,17 +135,11 @@ impl Lines {
     /// Draws a series. Bars that extend below `low`, the start of the y axis, end there.
     fn draw_series(&self, chart: &mut Chart, series: &Series, low: f64) -> Drawn {
         let at = |x: f64, y: f64| (self.x.coordinate(x), self.y.coordinate(y));
-        let shown = series
-            .spread_points()
-            .filter(|(x, y, _)| self.x.has(*x) && self.y.has(*y));
+        let shown = series.spread_points().filter(|(x, y, _)| self.x.has(*x) && self.y.has(*y));
         let shown: Vec<(f64, f64, f64)> = shown.collect();
         for &(x, y, sd) in shown.iter().filter(|(_, _, sd)| *sd > 0.0) {
             let below = y - sd;
-            let bottom = if self.y.has(below) {
-                self.y.coordinate(below).max(low)
-            } else {
-                low
-            };
+            let bottom = if self.y.has(below) { self.y.coordinate(below).max(low) } else { low };
             let bar = vec![(self.x.coordinate(x), bottom), at(x, y + sd)];
             chart.draw_series([PathElement::new(bar, series.color.stroke_width(2))])?;
         }
@@ -242,13 +228,7 @@ mod tests {
     #[test]
     fn every_point_with_a_place_is_drawn_once_and_the_legend_has_every_label() {
         // Points 3 and 4 are not drawn: a logarithmic axis cannot show NaN and 0.
-        let points = [
-            (1.0, 0.5),
-            (2.0, 0.05),
-            (3.0, f64::NAN),
-            (4.0, 0.0),
-            (5.0, 0.003),
-        ];
+        let points = [(1.0, 0.5), (2.0, 0.05), (3.0, f64::NAN), (4.0, 0.0), (5.0, 0.003)];
         let line = drawn(vec![series("PCA", Mark::Line, &points)]);
         let drawn_points = line
             .lines()

@@ -18,10 +18,7 @@ impl Page {
     /// Creates a page with `title`, in plain text, as title and heading.
     pub fn new(title: &str) -> Self {
         let title = escaped(title);
-        Self {
-            body: format!("<h1>{title}</h1>\n"),
-            title,
-        }
+        Self { body: format!("<h1>{title}</h1>\n"), title }
     }
 
     /// Appends HTML. The caller must have [`escaped`] any text in it that is not trusted HTML.
@@ -39,19 +36,10 @@ impl Page {
     /// that hold the numbers shown. All paths are relative to the page.
     pub fn push_picture(&mut self, path: &str, caption: &str, values: &[&str]) {
         // Writing to a string never fails.
-        let _ = write!(
-            self.body,
-            "<figure>{}<figcaption>{}",
-            image(path, caption),
-            escaped(caption)
-        );
+        let _ =
+            write!(self.body, "<figure>{}<figcaption>{}", image(path, caption), escaped(caption));
         for path in values {
-            let _ = write!(
-                self.body,
-                " <a href=\"{}\">{}</a>",
-                href(path),
-                escaped(path)
-            );
+            let _ = write!(self.body, " <a href=\"{}\">{}</a>", href(path), escaped(path));
         }
         self.body.push_str("</figcaption></figure>\n");
     }
@@ -83,11 +71,7 @@ impl Page {
 /// Returns HTML that shows a picture, which browsers load only when it scrolls into view. `path` is
 /// relative to the page.
 pub fn image(path: &str, description: &str) -> String {
-    format!(
-        "<img loading=\"lazy\" src=\"{}\" alt=\"{}\">",
-        href(path),
-        escaped(description)
-    )
+    format!("<img loading=\"lazy\" src=\"{}\" alt=\"{}\">", href(path), escaped(description))
 }
 
 /// Encodes a relative path for use as the value of an HTML attribute such as `href`.
@@ -98,19 +82,12 @@ pub fn href(path: &str) -> String {
 
 /// Replaces the characters of a text that have a meaning in HTML by entities.
 pub fn escaped(text: &str) -> String {
-    let entities = [
-        ("&", "&amp;"),
-        ("<", "&lt;"),
-        (">", "&gt;"),
-        ("\"", "&quot;"),
-    ];
+    let entities = [("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ("\"", "&quot;")];
     replaced(text, &entities)
 }
 
 fn replaced(text: &str, pairs: &[(&str, &str)]) -> String {
-    pairs
-        .iter()
-        .fold(text.to_owned(), |text, (from, to)| text.replace(from, to))
+    pairs.iter().fold(text.to_owned(), |text, (from, to)| text.replace(from, to))
 }
 
 /// Quotes a text for use as a field of a CSV file (RFC 4180): only if it contains a quotation mark,
@@ -148,11 +125,9 @@ mod tests {
 
     #[test]
     fn texts_with_separators_are_quoted() {
-        for (text, written) in [
-            ("T1", "T1"),
-            ("a,b", "\"a,b\""),
-            ("say \"go\"", "\"say \"\"go\"\"\""),
-        ] {
+        for (text, written) in
+            [("T1", "T1"), ("a,b", "\"a,b\""), ("say \"go\"", "\"say \"\"go\"\"\"")]
+        {
             assert_eq!(csv_field(text), written);
         }
     }

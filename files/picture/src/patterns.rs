@@ -28,11 +28,8 @@ const IN_ROW: usize = 4;
 /// Number of colour levels for each sign.
 const LEVELS: f64 = 12.0;
 /// Colours of -1, 0 and 1.
-const COLORS: [RGBColor; 3] = [
-    RGBColor(0x21, 0x5a, 0xa0),
-    RGBColor(0xfa, 0xfa, 0xfa),
-    RGBColor(0xb8, 0x2e, 0x2e),
-];
+const COLORS: [RGBColor; 3] =
+    [RGBColor(0x21, 0x5a, 0xa0), RGBColor(0xfa, 0xfa, 0xfa), RGBColor(0xb8, 0x2e, 0x2e)];
 
 impl Patterns {
     /// Writes the maps as an SVG file.
@@ -43,13 +40,9 @@ impl Patterns {
         let (in_row, rows) = self.layout();
         let pixels =
             |count: usize, pixels: i32| pixels.unsigned_abs() * small(count).unsigned_abs();
-        let size = (
-            pixels(in_row, CELL.0) + 20,
-            pixels(rows, CELL.1) + canvas::HEAD.unsigned_abs() + 50,
-        );
-        canvas::page(path, size, [&self.title, &self.subtitle], |area| {
-            self.draw_on(area)
-        })
+        let size =
+            (pixels(in_row, CELL.0) + 20, pixels(rows, CELL.1) + canvas::HEAD.unsigned_abs() + 50);
+        canvas::page(path, size, [&self.title, &self.subtitle], |area| self.draw_on(area))
     }
 
     /// Returns the number of maps in a row, and the number of rows.
@@ -65,11 +58,7 @@ impl Patterns {
             let centre = (CELL.0 / 2 + 10 + CELL.0 * column, 180 + CELL.1 * row);
             let style = canvas::anchored(16, INK, HPos::Center);
             area.draw(&Text::new(title.clone(), (centre.0, centre.1 - 160), style))?;
-            let head = Head {
-                centre,
-                radius: 126,
-                square: 3,
-            };
+            let head = Head { centre, radius: 126, square: 3 };
             head.draw(area, |at| {
                 let electrodes = self.places.iter().copied().zip(values.iter().copied());
                 interpolated(electrodes, at).map(color_of)
@@ -113,9 +102,7 @@ mod tests {
         let path = folder.path().join("patterns.svg");
         let patterns = Patterns {
             places: vec![[-0.5, 0.0], [0.5, 0.0]],
-            patterns: (0..5)
-                .map(|n| (format!("filter {n}"), vec![-1.0, 1.0]))
-                .collect(),
+            patterns: (0..5).map(|n| (format!("filter {n}"), vec![-1.0, 1.0])).collect(),
             title: String::new(),
             subtitle: String::new(),
         };

@@ -40,11 +40,8 @@ const REACH: f64 = 0.26;
 /// Number of colour levels.
 const LEVELS: u8 = 24;
 /// Colours of 0, of half the largest value, and of the largest value.
-const COLORS: [RGBColor; 3] = [
-    RGBColor(0xf4, 0xf8, 0xfb),
-    RGBColor(0xf2, 0xb1, 0x6d),
-    RGBColor(0xb0, 0x2a, 0x1d),
-];
+const COLORS: [RGBColor; 3] =
+    [RGBColor(0xf4, 0xf8, 0xfb), RGBColor(0xf2, 0xb1, 0x6d), RGBColor(0xb0, 0x2a, 0x1d)];
 
 impl ScalpMap {
     /// Writes the map as an SVG file.
@@ -52,37 +49,21 @@ impl ScalpMap {
     /// # Errors
     /// The file cannot be written.
     pub fn draw(&self, path: &Path) -> Result<(), PictureError> {
-        canvas::page(path, SIZE, [&self.title, &self.subtitle], |area| {
-            self.draw_on(area)
-        })
+        canvas::page(path, SIZE, [&self.title, &self.subtitle], |area| self.draw_on(area))
     }
 
     fn draw_on(&self, area: &Area) -> Drawn {
-        let head = Head {
-            centre: (400, 380),
-            radius: 330,
-            square: 6,
-        };
+        let head = Head { centre: (400, 380), radius: 330, square: 6 };
         let largest = self.places.iter().map(|place| place.value);
         let largest = largest.fold(0.0, f64::max).max(f64::MIN_POSITIVE);
-        head.draw(area, |at| {
-            Some(color_of(level(self.value_at(at)? / largest)))
-        })?;
+        head.draw(area, |at| Some(color_of(level(self.value_at(at)? / largest))))?;
         for place in &self.places {
             let at = head.pixel(place.at);
-            let dot = if place.is_measured {
-                INK.filled()
-            } else {
-                INK.into()
-            };
+            let dot = if place.is_measured { INK.filled() } else { INK.into() };
             area.draw(&Circle::new(at, 4, WHITE.filled()))?;
             area.draw(&Circle::new(at, 3, dot))?;
             // Labels are white where the map is dark.
-            let color = if level(place.value / largest) > 2 * LEVELS / 3 {
-                WHITE
-            } else {
-                INK
-            };
+            let color = if level(place.value / largest) > 2 * LEVELS / 3 { WHITE } else { INK };
             let style = canvas::text(12, color).pos(Pos::new(HPos::Center, VPos::Top));
             area.draw(&Text::new(place.label.clone(), (at.0, at.1 + 5), style))?;
         }
@@ -98,19 +79,14 @@ impl ScalpMap {
         let count = i32::from(LEVELS);
         for place in 0..LEVELS {
             let row = |place: i32| top + (bottom - top) * place / count;
-            let corners = [
-                (left, row(place.into())),
-                (right, row(i32::from(place) + 1)),
-            ];
+            let corners = [(left, row(place.into())), (right, row(i32::from(place) + 1))];
             let color = color_of(LEVELS - 1 - place);
             area.draw(&Rectangle::new(corners, color.filled()))?;
         }
         area.draw(&Rectangle::new([(left, top), (right, bottom)], FAINT))?;
-        for (value, y) in [
-            (largest, top),
-            (largest / 2.0, i32::midpoint(top, bottom)),
-            (0.0, bottom),
-        ] {
+        for (value, y) in
+            [(largest, top), (largest / 2.0, i32::midpoint(top, bottom)), (0.0, bottom)]
+        {
             let style = canvas::anchored(15, INK, HPos::Left);
             let text = format!("{} {}", with_digits(value, largest), self.unit);
             area.draw(&Text::new(text, (right + 8, y), style))?;
@@ -140,11 +116,7 @@ impl Head {
     /// Draws the map and, around it, the outline of the head. `color` returns the colour at a
     /// position on the map; where it returns `None`, nothing is drawn.
     pub(crate) fn draw(&self, area: &Area, color: impl Fn([f64; 2]) -> Option<RGBColor>) -> Drawn {
-        let Self {
-            centre,
-            radius,
-            square,
-        } = *self;
+        let Self { centre, radius, square } = *self;
         let places = || (-radius..radius).step_by(square.unsigned_abs() as usize);
         for row in places() {
             let middle = row + square / 2;
@@ -175,15 +147,9 @@ impl Head {
 
     /// Returns the pixel of a position on the map.
     pub(crate) fn pixel(&self, at: [f64; 2]) -> (i32, i32) {
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "saturates far outside the picture"
-        )]
+        #[expect(clippy::cast_possible_truncation, reason = "saturates far outside the picture")]
         let [x, y] = at.map(|at| (at * f64::from(self.radius)).round() as i32);
-        (
-            self.centre.0.saturating_add(x),
-            self.centre.1.saturating_sub(y),
-        )
+        (self.centre.0.saturating_add(x), self.centre.1.saturating_sub(y))
     }
 }
 
@@ -276,12 +242,8 @@ mod tests {
 
     #[test]
     fn the_map_has_each_electrode_s_value_at_its_place_and_means_between() {
-        let place = |x, value| Place {
-            label: "E".to_owned(),
-            at: [x, 0.0],
-            value,
-            is_measured: true,
-        };
+        let place =
+            |x, value| Place { label: "E".to_owned(), at: [x, 0.0], value, is_measured: true };
         let map = ScalpMap {
             places: vec![place(-0.2, 1.0), place(0.2, 3.0)],
             title: String::new(),

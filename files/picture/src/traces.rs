@@ -56,10 +56,9 @@ impl Traces {
         let end_s = self.start_s + real(lengths.max().unwrap_or(0)) / self.rate_hz;
         let right = i32::try_from(area.dim_in_pixel().0).unwrap_or(i32::MAX);
         let source = format!("filtered, {} Hz (reference)", self.rate_hz);
-        for (x, color, label) in [
-            (right - 610, SOURCE, &source),
-            (right - 320, RESULT, &self.result),
-        ] {
+        for (x, color, label) in
+            [(right - 610, SOURCE, &source), (right - 320, RESULT, &self.result)]
+        {
             canvas::legend(area, (x, 6), color, label)?;
         }
 
@@ -85,10 +84,9 @@ impl Traces {
             };
             let zero_line = vec![(self.start_s, zero), (end_s, zero)];
             chart.draw_series([PathElement::new(zero_line, GRID)])?;
-            for (values, color) in [
-                (&trace.source_uv, SOURCE.mix(0.85)),
-                (&trace.result_uv, RESULT.to_rgba()),
-            ] {
+            for (values, color) in
+                [(&trace.source_uv, SOURCE.mix(0.85)), (&trace.result_uv, RESULT.to_rgba())]
+            {
                 let line: Vec<(f64, f64)> = values.iter().enumerate().map(point).collect();
                 chart.draw_series([PathElement::new(line, color.stroke_width(2))])?;
             }

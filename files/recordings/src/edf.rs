@@ -61,10 +61,7 @@ pub(crate) fn parse(
     let mut warnings = Vec::new();
     let stated = text(&bytes[184..192]);
     if stated.parse() != Ok(bytes.len()) {
-        warnings.push(Warning::HeaderLength {
-            stated,
-            used: bytes.len() as u64,
-        });
+        warnings.push(Warning::HeaderLength { stated, used: bytes.len() as u64 });
     }
     let format = variant(family, &text(&bytes[192..236]));
     let (field, found) = ("number of records", &bytes[236..244]);

@@ -17,12 +17,7 @@ pub(crate) struct Row {
 }
 
 const fn row(inner: &'static str, outer: &'static str, twentieths: u8, always_half: bool) -> Row {
-    Row {
-        inner,
-        outer,
-        twentieths,
-        always_half,
-    }
+    Row { inner, outer, twentieths, always_half }
 }
 
 /// All rows from nasion to inion, after Oostenveld and Praamstra 2001, figure 2.
@@ -56,9 +51,8 @@ const OLD_NAMES: [(&str, &str); 4] = [("T3", "T7"), ("T4", "T8"), ("T5", "P7"), 
 /// Suffixes after a dash that always name a common reference. Any other suffix is a common
 /// reference only if all electrodes of a recording have it. Otherwise it names a second electrode,
 /// and the signal, a difference of two electrodes, has no single position.
-const REFERENCES: [&str; 13] = [
-    "REF", "LE", "RE", "AR", "AV", "AVG", "CAR", "A1", "A2", "A1A2", "M1", "M2", "M1M2",
-];
+const REFERENCES: [&str; 13] =
+    ["REF", "LE", "RE", "AR", "AV", "AVG", "CAR", "A1", "A2", "A1A2", "M1", "M2", "M1M2"];
 
 /// Minimum number of labels that name another cap; each is a letter and a number.
 const CAP_NAMES_MIN: usize = 8;
@@ -92,11 +86,7 @@ pub(crate) fn names_of_another_cap<L: AsRef<str>>(labels: &[L]) -> Option<Vec<&s
             && number.is_some_and(|number| (1..=32).contains(&number));
         is_cap && !matches!(&*name, "A1" | "A2") && Electrode::named(&name).is_none()
     };
-    let found: Vec<&str> = labels
-        .iter()
-        .map(AsRef::as_ref)
-        .filter(is_foreign)
-        .collect();
+    let found: Vec<&str> = labels.iter().map(AsRef::as_ref).filter(is_foreign).collect();
     // C8, which the 10-20 system lacks, shows that C3 is a name of the cap too. Cz beside E1 to E8
     // shows that E1 to E8 are auxiliary signals.
     let clashes = |label: &&str| spelling(label).0.starts_with(['C', 'F']);
@@ -139,9 +129,8 @@ impl Electrode {
     /// least two different ones, have it; the signals of a bipolar montage share no suffix.
     pub(crate) fn parse_all<L: AsRef<str>>(labels: &[L]) -> (Vec<Option<Self>>, Option<String>) {
         let spellings = labels.iter().map(|label| spelling(label.as_ref()));
-        let named: Vec<_> = spellings
-            .map(|(name, reference)| (Self::named(&name), reference))
-            .collect();
+        let named: Vec<_> =
+            spellings.map(|(name, reference)| (Self::named(&name), reference)).collect();
         let mut electrodes = named.iter().filter(|(electrode, _)| electrode.is_some());
         if let Some((first, Some(shared))) = electrodes.next()
             && !REFERENCES.contains(&shared.as_str())
@@ -149,10 +138,7 @@ impl Electrode {
             && electrodes.all(|(_, reference)| reference.as_ref() == Some(shared))
         {
             let shared = Some(shared.clone());
-            return (
-                named.into_iter().map(|(electrode, _)| electrode).collect(),
-                shared,
-            );
+            return (named.into_iter().map(|(electrode, _)| electrode).collect(), shared);
         }
         let parsed = labels.iter().map(|label| Self::parse(label.as_ref()));
         (parsed.collect(), None)
@@ -160,10 +146,7 @@ impl Electrode {
 
     /// Returns the electrode with this name, in the spelling that [`spelling`] returns.
     fn named(plain: &str) -> Option<Self> {
-        let plain = OLD_NAMES
-            .iter()
-            .find(|(old, _)| *old == plain)
-            .map_or(plain, |(_, new)| new);
+        let plain = OLD_NAMES.iter().find(|(old, _)| *old == plain).map_or(plain, |(_, new)| new);
         let (plain, half) = match plain.strip_suffix('H') {
             Some(rest) => (rest, true),
             None => (plain, false),
@@ -171,22 +154,14 @@ impl Electrode {
         let letters = plain.trim_end_matches(|c: char| c.is_ascii_digit());
         if letters.len() == plain.len() {
             let row = row_named(plain.strip_suffix('Z')?, false)?;
-            return (!half).then_some(Self {
-                row,
-                column: 0,
-                half,
-            });
+            return (!half).then_some(Self { row, column: 0, half });
         }
         let column: u8 = plain[letters.len()..].parse().ok()?;
         if !(1..=10).contains(&column) {
             return None;
         }
         let row = row_named(letters, column >= 7)?;
-        let electrode = Self {
-            row,
-            column,
-            half: half || row.always_half,
-        };
+        let electrode = Self { row, column, half: half || row.always_half };
         electrode.exists().then_some(electrode)
     }
 
@@ -211,11 +186,7 @@ impl Electrode {
 
 impl fmt::Display for Electrode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = if self.column >= 7 {
-            self.row.outer
-        } else {
-            self.row.inner
-        };
+        let name = if self.column >= 7 { self.row.outer } else { self.row.inner };
         match self.column {
             0 => write!(f, "{name}z"),
             column => write!(f, "{name}{column}{}", if self.half { "h" } else { "" }),
@@ -225,9 +196,7 @@ impl fmt::Display for Electrode {
 
 fn row_named(upper: &str, outer: bool) -> Option<Row> {
     let name = |row: &Row| if outer { row.outer } else { row.inner };
-    ROWS.iter()
-        .find(|row| name(row).eq_ignore_ascii_case(upper))
-        .copied()
+    ROWS.iter().find(|row| name(row).eq_ignore_ascii_case(upper)).copied()
 }
 
 #[cfg(test)]

@@ -8,10 +8,7 @@ use crate::signal::UnusableRange;
 
 /// Why a recording cannot be read or played.
 #[derive(Debug, Error)]
-#[expect(
-    missing_docs,
-    reason = "the messages say what each variant and its fields mean"
-)]
+#[expect(missing_docs, reason = "the messages say what each variant and its fields mean")]
 pub enum RecordingError {
     #[error("cannot open {}; check the path and the permissions", path.display())]
     Open { path: PathBuf, source: io::Error },
@@ -19,11 +16,7 @@ pub enum RecordingError {
     #[error(
         "cannot read {bytes} bytes at byte {at}; the file may have shrunk or its disk may fail"
     )]
-    Read {
-        at: u64,
-        bytes: u64,
-        source: io::Error,
-    },
+    Read { at: u64, bytes: u64, source: io::Error },
     #[error("{} is a folder; name one recording in it", path.display())]
     Folder { path: PathBuf },
     #[error("the file is empty; copy or download the recording again")]
@@ -32,10 +25,7 @@ pub enum RecordingError {
     #[error(
         "this is {what}, which is not supported; export the recording to EDF, BDF or GDF: {how}"
     )]
-    OtherFormat {
-        what: &'static str,
-        how: &'static str,
-    },
+    OtherFormat { what: &'static str, how: &'static str },
     #[error(
         "the file was damaged by a transfer in text mode, which inserted a carriage return (0x0D) before \
          every line feed (0x0A); transfer the recording again in binary mode"
@@ -52,12 +42,7 @@ pub enum RecordingError {
     HeaderTruncated { needed: u64, found: u64 },
     /// A header field holds no usable number; `place` is the file or the signal that it belongs to.
     #[error("header field \"{field}\" of {place} holds \"{found}\", which is not usable: {reason}")]
-    HeaderField {
-        field: &'static str,
-        place: String,
-        found: String,
-        reason: &'static str,
-    },
+    HeaderField { field: &'static str, place: String, found: String, reason: &'static str },
     /// A signal's digital range is empty or not finite, or its physical range is not finite.
     #[error(
         "signal {label} cannot be scaled: {range}; repair its header, or give it another label, so that the \
@@ -82,11 +67,7 @@ pub enum RecordingError {
          high, or a fraction of too many digits; resample the recording first, such as with \
          raw.resample({rate_hz}) in MNE-Python"
     )]
-    Rate {
-        label: String,
-        rate: String,
-        rate_hz: u32,
-    },
+    Rate { label: String, rate: String, rate_hz: u32 },
     /// A signal that an electrode of the montage needs has no samples.
     #[error(
         "signal {label} has no samples; remove it from the file or give it another label, so that the \

@@ -119,26 +119,12 @@ mod tests {
     use super::*;
 
     fn event(onset_s: f64, label: EventLabel) -> Event {
-        Event {
-            onset_s,
-            duration_s: None,
-            signal: None,
-            label,
-        }
+        Event { onset_s, duration_s: None, signal: None, label }
     }
 
     fn onsets(events: &[Event]) -> Onsets {
-        let place = |event: &Event| {
-            (0.0..10.0)
-                .contains(&event.onset_s)
-                .then_some(event.onset_s)
-        };
-        Onsets::new(
-            events
-                .iter()
-                .map(|event| (event.clone(), place(event)))
-                .collect(),
-        )
+        let place = |event: &Event| (0.0..10.0).contains(&event.onset_s).then_some(event.onset_s);
+        Onsets::new(events.iter().map(|event| (event.clone(), place(event))).collect())
     }
 
     #[test]
@@ -166,13 +152,7 @@ mod tests {
     fn a_type_with_bit_15_is_an_event_of_its_own_unless_it_ends_one() {
         // 0x8205, a stimulation of OpenViBE, ends no event, because 0x0205 has not begun. The first
         // 0x8300 ends the event that began at 2 s; the second has no event to end.
-        let times = [
-            (1.0, 0x8205),
-            (2.0, 0x0300),
-            (3.0, 0x8300),
-            (4.0, 0x8300),
-            (5.0, 0x8205),
-        ];
+        let times = [(1.0, 0x8205), (2.0, 0x0300), (3.0, 0x8300), (4.0, 0x8300), (5.0, 0x8205)];
         let events = times.map(|(time, kind)| event(time, EventLabel::Type(kind)));
         assert_eq!(onsets(&events).seconds, [1.0, 2.0, 4.0, 5.0]);
         let mut other_signal = events.clone();

@@ -33,9 +33,7 @@ impl Format {
     /// # Errors
     /// [`RecordingError::UnknownFormat`] for all other bytes.
     pub(crate) fn detect(magic: [u8; 8]) -> Result<Self, RecordingError> {
-        let unknown = || RecordingError::UnknownFormat {
-            found: magic.escape_ascii().to_string(),
-        };
+        let unknown = || RecordingError::UnknownFormat { found: magic.escape_ascii().to_string() };
         if magic[0] == b'0' && magic[1..].iter().all(|&b| b == b' ' || b == 0) {
             return Ok(Self::Edf);
         }
@@ -58,10 +56,7 @@ impl Format {
 
     /// Returns whether the format allows gaps between records (EDF+D and BDF+D).
     pub fn is_discontinuous(self) -> bool {
-        matches!(
-            self,
-            Self::EdfPlusDiscontinuous | Self::BdfPlusDiscontinuous
-        )
+        matches!(self, Self::EdfPlusDiscontinuous | Self::BdfPlusDiscontinuous)
     }
 }
 

@@ -60,12 +60,7 @@ pub(crate) fn parse(
     if data_start < bytes.len() as u64 {
         let found = data_start.to_string();
         let reason = "it is shorter than its signals need";
-        return Err(field_error(
-            "length of the header",
-            "the file",
-            &found,
-            reason,
-        ));
+        return Err(field_error("length of the header", "the file", &found, reason));
     }
     let records = record_count(i64::from_le_bytes(array_at(bytes, 236)))?;
     let record_duration = duration(format, bytes)?;
@@ -91,12 +86,7 @@ fn duration(format: Format, bytes: &[u8]) -> Result<Option<Ratio>, RecordingErro
     let denominator = u32::from_le_bytes(array_at(bytes, 248));
     if denominator == 0 {
         let (found, reason) = (format!("{numerator}/0"), "its denominator is 0");
-        return Err(field_error(
-            "duration of a record",
-            "the file",
-            &found,
-            reason,
-        ));
+        return Err(field_error("duration of a record", "the file", &found, reason));
     }
     Ok(Ratio::new(numerator.into(), denominator.into()))
 }
@@ -127,10 +117,7 @@ fn parse_signals(
     let samples = fields.next_field(4);
     let types = fields.next_field(4);
     let float = |raw: &[u8]| f64::from_le_bytes(array_at(raw, 0));
-    #[expect(
-        clippy::cast_precision_loss,
-        reason = "digital limits beyond 2^53 are rounded"
-    )]
+    #[expect(clippy::cast_precision_loss, reason = "digital limits beyond 2^53 are rounded")]
     let digital = |raw: &[u8]| match format {
         Format::Gdf1(_) => i64::from_le_bytes(array_at(raw, 0)) as f64,
         _ => float(raw),

@@ -64,9 +64,7 @@ impl Header {
             self.format,
             Format::Bdf | Format::BdfPlusContinuous | Format::BdfPlusDiscontinuous
         );
-        let mut triggers = with_samples
-            .clone()
-            .filter(|signal| is_bdf && signal.label == "Status");
+        let mut triggers = with_samples.clone().filter(|signal| is_bdf && signal.label == "Status");
         if let Some(signal) = triggers.next() {
             let label = signal.label.clone();
             self.warnings.push(Warning::Triggers { label });
@@ -95,14 +93,10 @@ impl Header {
             }
             let signals = unusable.into_iter();
             let signals = signals.map(|(label, range)| format!("{label} ({range})"));
-            self.warnings.push(Warning::Unusable {
-                signals: signals.collect(),
-            });
+            self.warnings.push(Warning::Unusable { signals: signals.collect() });
         }
         if !unknown_units.is_empty() {
-            self.warnings.push(Warning::UnitUnknown {
-                signals: unknown_units,
-            });
+            self.warnings.push(Warning::UnitUnknown { signals: unknown_units });
         }
         Ok(self)
     }
@@ -143,10 +137,7 @@ pub(crate) fn calibration(
 /// no duration.
 pub(crate) fn sampling_rate(samples_per_record: u32, duration: Option<Ratio>) -> Option<Ratio> {
     let duration = duration?;
-    Ratio::new(
-        u64::from(samples_per_record) * duration.denominator(),
-        duration.numerator(),
-    )
+    Ratio::new(u64::from(samples_per_record) * duration.denominator(), duration.numerator())
 }
 
 /// Reads the header fields of the signals. A header stores them field by field: the first field of
@@ -161,11 +152,7 @@ impl<'a> SignalFields<'a> {
     /// Starts at the first field of the signals. `header` is the whole header, including the fixed
     /// part before the signals.
     pub(crate) fn new(header: &'a [u8], signals: usize) -> Self {
-        Self {
-            bytes: header,
-            signals,
-            at: HEADER_BLOCK,
-        }
+        Self { bytes: header, signals, at: HEADER_BLOCK }
     }
 
     /// Returns the next header field of every signal; the field is `width` bytes wide.
@@ -206,19 +193,13 @@ pub(crate) fn decoded(bytes: &[u8]) -> String {
 pub(crate) fn text(bytes: &[u8]) -> String {
     // GDF pads text with zeros; in some files, uninitialised bytes follow the first zero.
     let end = bytes.iter().position(|&byte| byte == 0);
-    decoded(&bytes[..end.unwrap_or(bytes.len())])
-        .trim()
-        .to_owned()
+    decoded(&bytes[..end.unwrap_or(bytes.len())]).trim().to_owned()
 }
 
 /// Returns the `N` bytes at offset `at`. Callers must check the length: if `bytes` ends before all
 /// `N` bytes, the result is zeros.
 pub(crate) fn array_at<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
-    bytes
-        .get(at..)
-        .and_then(|rest| rest.first_chunk())
-        .copied()
-        .unwrap_or([0; N])
+    bytes.get(at..).and_then(|rest| rest.first_chunk()).copied().unwrap_or([0; N])
 }
 
 /// Returns the error for a header field that holds `found`; `place` is the field's file or signal.
@@ -228,12 +209,7 @@ pub(crate) fn field_error(
     found: &str,
     reason: &'static str,
 ) -> RecordingError {
-    RecordingError::HeaderField {
-        field,
-        place: place.to_owned(),
-        found: found.to_owned(),
-        reason,
-    }
+    RecordingError::HeaderField { field, place: place.to_owned(), found: found.to_owned(), reason }
 }
 
 /// Converts the number of records that a header states; `None` for -1 or 0, which programs write
@@ -261,12 +237,7 @@ pub(crate) fn record_duration(seconds: f64) -> Result<Option<Ratio>, RecordingEr
     if duration.is_none() && seconds != 0.0 {
         let reason = "it must be 0 or between 1e-9 and 1e9 s";
         let found = format!("{seconds:e}");
-        return Err(field_error(
-            "duration of a record",
-            "the file",
-            &found,
-            reason,
-        ));
+        return Err(field_error("duration of a record", "the file", &found, reason));
     }
     Ok(duration)
 }
@@ -278,10 +249,7 @@ pub(crate) fn record_duration(seconds: f64) -> Result<Option<Ratio>, RecordingEr
 pub(crate) fn read(source: &mut dyn Source, file_bytes: u64) -> Result<Header, RecordingError> {
     let enough = |needed: u64| {
         if file_bytes < needed {
-            Err(RecordingError::HeaderTruncated {
-                needed,
-                found: file_bytes,
-            })
+            Err(RecordingError::HeaderTruncated { needed, found: file_bytes })
         } else {
             Ok(())
         }
@@ -299,17 +267,10 @@ pub(crate) fn read(source: &mut dyn Source, file_bytes: u64) -> Result<Header, R
         read_at(source, 0, &mut fixed)?;
     }
     let is_other_version = known.is_err() && edf::is_other_version(&fixed);
-    let format = if is_other_version {
-        Format::Edf
-    } else {
-        known?
-    };
+    let format = if is_other_version { Format::Edf } else { known? };
     let is_gdf = matches!(format, Format::Gdf1(_) | Format::Gdf2(_));
-    let signals = if is_gdf {
-        gdf::signal_count(format, &fixed)?
-    } else {
-        edf::signal_count(&fixed)?
-    };
+    let signals =
+        if is_gdf { gdf::signal_count(format, &fixed)? } else { edf::signal_count(&fixed)? };
     // At most 65,536 blocks of 256 bytes. `enough` checks that the file contains them, so a damaged
     // header cannot cause a large allocation.
     let header_bytes = HEADER_BLOCK * (1 + signals);

@@ -55,10 +55,7 @@ pub enum MontageMapError {
     DuplicateElectrode { label: String },
     /// The recording has none of the montage's electrodes.
     #[error("the recording has none of the montage's electrodes; it has {}; needed are {}", found.join(" "), needed.join(" "))]
-    NoCommonElectrode {
-        found: Vec<String>,
-        needed: Vec<String>,
-    },
+    NoCommonElectrode { found: Vec<String>, needed: Vec<String> },
     /// The labels belong to a cap with its own names for electrodes.
     #[error(
         "the recording has names of another cap, such as {}: its C3 is not that of the 10-20 system; give the \
@@ -94,11 +91,7 @@ pub enum MontageWarning {
     #[error(
         "electrode {electrode} is recorded twice: signal {used} is used, signal {ignored} is not"
     )]
-    DuplicateSignal {
-        electrode: String,
-        used: String,
-        ignored: String,
-    },
+    DuplicateSignal { electrode: String, used: String, ignored: String },
 }
 
 /// For each electrode of a montage, the signals of a recording from which it is computed. `Display`
@@ -133,14 +126,10 @@ impl MontageMap {
         let names: Vec<String> = names.collect();
         let mut wanted = Vec::with_capacity(names.len());
         for label in &names {
-            let electrode =
-                Electrode::parse(label).ok_or_else(|| MontageMapError::UnknownElectrode {
-                    label: label.clone(),
-                })?;
+            let electrode = Electrode::parse(label)
+                .ok_or_else(|| MontageMapError::UnknownElectrode { label: label.clone() })?;
             if wanted.contains(&electrode) {
-                return Err(MontageMapError::DuplicateElectrode {
-                    label: label.clone(),
-                });
+                return Err(MontageMapError::DuplicateElectrode { label: label.clone() });
             }
             wanted.push(electrode);
         }
@@ -150,16 +139,11 @@ impl MontageMap {
         }
         let (located, reference) = Electrode::parse_all(&signals);
         let real = |electrode: &Electrode| {
-            located
-                .iter()
-                .position(|other| other.as_ref() == Some(electrode))
+            located.iter().position(|other| other.as_ref() == Some(electrode))
         };
         let zero = reference.as_deref().and_then(Electrode::parse);
         if wanted.iter().all(|electrode| real(electrode).is_none()) {
-            return Err(MontageMapError::NoCommonElectrode {
-                found: signals,
-                needed: names,
-            });
+            return Err(MontageMapError::NoCommonElectrode { found: signals, needed: names });
         }
         let origins: Vec<Origin> = wanted
             .iter()
@@ -170,13 +154,7 @@ impl MontageMap {
                 (None, Missing::Zero | Missing::Refuse) => Origin::Zero,
             })
             .collect();
-        let map = Self {
-            electrodes: names,
-            origins,
-            signals,
-            located,
-            reference,
-        };
+        let map = Self { electrodes: names, origins, signals, located, reference };
         if missing == Missing::Refuse && !map.zero().is_empty() {
             let labels = map.zero().into_iter().map(owned).collect();
             return Err(MontageMapError::MissingElectrodes { labels });
@@ -263,10 +241,7 @@ impl MontageMap {
 
     fn labels_with(&self, wanted: impl Fn(&Origin) -> bool) -> Vec<&str> {
         let pairs = self.electrodes.iter().zip(&self.origins);
-        pairs
-            .filter(|(_, origin)| wanted(origin))
-            .map(|(label, _)| label.as_str())
-            .collect()
+        pairs.filter(|(_, origin)| wanted(origin)).map(|(label, _)| label.as_str()).collect()
     }
 }
 
@@ -308,12 +283,7 @@ impl fmt::Display for MontageMap {
                 continue;
             }
             let separator = if std::mem::take(&mut first) { "" } else { "\n" };
-            write!(
-                f,
-                "{separator}{name:>14}: {:2} ({})",
-                labels.len(),
-                labels.join(" ")
-            )?;
+            write!(f, "{separator}{name:>14}: {:2} ({})", labels.len(), labels.join(" "))?;
         }
         Ok(())
     }
@@ -330,22 +300,14 @@ mod tests {
             .expect("two are common");
         assert_eq!(map.origins()[1], Origin::Real(1));
         assert_eq!(map.origins()[2], Origin::Real(0), "the first of two C3");
-        let Origin::Interpolated(mix) = &map.origins()[0] else {
-            panic!("C1 is missing")
-        };
+        let Origin::Interpolated(mix) = &map.origins()[0] else { panic!("C1 is missing") };
         let sources: Vec<usize> = mix.iter().map(|(signal, _)| *signal).collect();
         // C3 and Cz are both 18 degrees from C1 and so have the largest weights; Fz and Pz are
         // about 40 degrees away.
         assert_eq!(sources.len(), NEIGHBOURS);
-        assert!(
-            sources[..2].contains(&0) && sources[..2].contains(&1),
-            "{sources:?}"
-        );
+        assert!(sources[..2].contains(&0) && sources[..2].contains(&1), "{sources:?}");
         assert!((mix.iter().map(|(_, weight)| weight).sum::<f64>() - 1.0).abs() < 1e-12);
-        assert!(
-            (mix[0].1 - mix[1].1).abs() < 1e-12 && mix[0].1 > 3.0 * mix[2].1,
-            "{mix:?}"
-        );
+        assert!((mix[0].1 - mix[1].1).abs() < 1e-12 && mix[0].1 > 3.0 * mix[2].1, "{mix:?}");
         let report = map.to_string();
         for line in [
             "real:  2 (Cz C3)",
@@ -410,10 +372,7 @@ mod tests {
 
         let foreign = MontageMap::new(&["ECG", "A16"], &["Cz", "Pz"], Missing::Interpolate);
         let message = foreign.expect_err("nothing in common").to_string();
-        assert!(
-            message.contains("it has ECG A16; needed are Cz Pz"),
-            "{message}"
-        );
+        assert!(message.contains("it has ECG A16; needed are Cz Pz"), "{message}");
 
         let twice = MontageMap::new(&["Cz"], &["FFC1", "FFC1h"], Missing::Zero);
         let label = "FFC1h".to_owned();

@@ -36,9 +36,7 @@ pub struct NpzWriter<W: Write + Seek> {
 impl<W: Write + Seek> NpzWriter<W> {
     /// Creates an NPZ file that has no arrays yet.
     pub fn new(out: W) -> Self {
-        Self {
-            zip: ZipWriter::new(BufWriter::new(out)),
-        }
+        Self { zip: ZipWriter::new(BufWriter::new(out)) }
     }
 
     /// Starts the array `name`. `element` is the numpy type of its elements as Python source, such
@@ -92,10 +90,7 @@ impl<W: Write + Seek> NpzWriter<W> {
     /// # Errors
     /// The operating system's error.
     pub fn finish(self) -> io::Result<W> {
-        self.zip
-            .finish()?
-            .into_inner()
-            .map_err(io::IntoInnerError::into_error)
+        self.zip.finish()?.into_inner().map_err(io::IntoInnerError::into_error)
     }
 }
 

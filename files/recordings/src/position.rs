@@ -61,11 +61,7 @@ impl Position {
                 end.on_arc_from(Self::on_midline(from_front), eighths / 8.0)
             }
         };
-        if electrode.column.is_multiple_of(2) {
-            Self { x: -left.x, ..left }
-        } else {
-            left
-        }
+        if electrode.column.is_multiple_of(2) { Self { x: -left.x, ..left } } else { left }
     }
 
     /// Computes the position of the electrode that `label` denotes; `None` if it denotes no
@@ -82,29 +78,18 @@ impl Position {
 
     /// Returns the angle to `other`, seen from the centre of the sphere, rad, 0..=pi.
     pub fn angle_to(self, other: Self) -> f64 {
-        self.cross(other)
-            .dot(self.cross(other))
-            .sqrt()
-            .atan2(self.dot(other))
+        self.cross(other).dot(self.cross(other)).sqrt().atan2(self.dot(other))
     }
 
     fn on_midline(from_front: f64) -> Self {
-        Self {
-            x: 0.0,
-            y: from_front.cos(),
-            z: from_front.sin(),
-        }
+        Self { x: 0.0, y: from_front.cos(), z: from_front.sin() }
     }
 
     /// Returns the point on the left side of the head at the angle `polar` from Cz and the angle
     /// `azimuth` from the front, both in rad.
     fn polar(polar: f64, azimuth: f64) -> Self {
         let radius = polar.sin();
-        Self {
-            x: -radius * azimuth.sin(),
-            y: radius * azimuth.cos(),
-            z: polar.cos(),
-        }
+        Self { x: -radius * azimuth.sin(), y: radius * azimuth.cos(), z: polar.cos() }
     }
 
     /// Returns the point at `fraction` of the arc from `middle`, the midline point of a row, to
@@ -112,11 +97,7 @@ impl Position {
     /// centre is the point closest to the origin in the plane through `middle`, `self` and the
     /// mirror image of `self`.
     fn on_arc_from(self, middle: Self, fraction: f64) -> Self {
-        let across = Self {
-            x: 1.0,
-            y: 0.0,
-            z: 0.0,
-        };
+        let across = Self { x: 1.0, y: 0.0, z: 0.0 };
         let foot = Self { x: 0.0, ..self };
         let down = foot.minus(middle);
         let normal = across.cross(down);
@@ -124,9 +105,7 @@ impl Position {
         let (to_middle, to_end) = (middle.minus(centre), self.minus(centre));
         let radius = to_middle.dot(to_middle).sqrt();
         let angle = to_middle.angle_to(to_end) * fraction;
-        centre
-            .plus(to_middle.scaled(angle.cos()))
-            .minus(across.scaled(radius * angle.sin()))
+        centre.plus(to_middle.scaled(angle.cos())).minus(across.scaled(radius * angle.sin()))
     }
 
     /// Returns the scalar product with `other`.
@@ -145,11 +124,7 @@ impl Position {
     /// Returns the sum of both vectors.
     #[must_use]
     pub fn plus(self, other: Self) -> Self {
-        Self {
-            x: self.x + other.x,
-            y: self.y + other.y,
-            z: self.z + other.z,
-        }
+        Self { x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }
     }
 
     /// Returns this vector minus `other`.
@@ -161,11 +136,7 @@ impl Position {
     /// Returns this vector times `factor`.
     #[must_use]
     pub fn scaled(self, factor: f64) -> Self {
-        Self {
-            x: self.x * factor,
-            y: self.y * factor,
-            z: self.z * factor,
-        }
+        Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
     }
 }
 
@@ -173,11 +144,7 @@ impl Position {
 /// from the midline in the row at `twentieths`, which must be an arc of a circle around Cz. In a
 /// posterior row, `eighths` counts from the back of the midline.
 fn azimuth_on_circle(twentieths: u8, eighths: f64) -> f64 {
-    if twentieths < 10 {
-        eighths * TWENTIETH
-    } else {
-        PI - eighths * TWENTIETH
-    }
+    if twentieths < 10 { eighths * TWENTIETH } else { PI - eighths * TWENTIETH }
 }
 
 #[cfg(test)]
@@ -213,10 +180,7 @@ mod tests {
             ("C3", "C4", 72.0),
         ] {
             let found = degrees(a, b);
-            assert!(
-                (found - expected).abs() < 1e-6,
-                "{a} to {b}: {found}, expected {expected}"
-            );
+            assert!((found - expected).abs() < 1e-6, "{a} to {b}: {found}, expected {expected}");
         }
         let azimuth = |label| at(label).x.atan2(at(label).y).to_degrees();
         assert!((azimuth("Fp1") + 18.0).abs() < 1e-9);
@@ -233,11 +197,7 @@ mod tests {
             ["FC1h", "FC3h", "FC5h", "FT7h", "FT8h"],
             ["FFC1h", "FFC3h", "FFC5h", "FFT7h", "FFT8h"],
         ] {
-            let angles: Vec<f64> = labels
-                .windows(2)
-                .take(3)
-                .map(|w| degrees(w[0], w[1]))
-                .collect();
+            let angles: Vec<f64> = labels.windows(2).take(3).map(|w| degrees(w[0], w[1])).collect();
             assert!(
                 angles.iter().all(|angle| (angle - angles[0]).abs() < 1e-9),
                 "{labels:?}: {angles:?}"

@@ -20,10 +20,7 @@ impl Ratio {
             return None;
         }
         let divisor = greatest_common_divisor(numerator, denominator);
-        Some(Self {
-            numerator: numerator / divisor,
-            denominator: denominator / divisor,
-        })
+        Some(Self { numerator: numerator / divisor, denominator: denominator / divisor })
     }
 
     /// Returns the simplest fraction within a relative error of 1e-11 of `value`, such as 1/256 for
@@ -87,10 +84,7 @@ impl fmt::Display for Ratio {
     }
 }
 
-#[expect(
-    clippy::cast_precision_loss,
-    reason = "rates and durations stay far below 2^53"
-)]
+#[expect(clippy::cast_precision_loss, reason = "rates and durations stay far below 2^53")]
 pub(crate) fn quotient(a: u64, b: u64) -> f64 {
     a as f64 / b as f64
 }
@@ -119,10 +113,7 @@ mod tests {
             (99_999_999.5, 199_999_999, 2),
         ] {
             let ratio = Ratio::from_f64(value).expect("in range");
-            assert_eq!(
-                (ratio.numerator(), ratio.denominator()),
-                (numerator, denominator)
-            );
+            assert_eq!((ratio.numerator(), ratio.denominator()), (numerator, denominator));
         }
     }
 

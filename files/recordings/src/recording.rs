@@ -53,10 +53,8 @@ impl Recording {
     /// all errors of [`Recording::from_source`].
     pub fn open(path: impl AsRef<Path>) -> Result<Self, RecordingError> {
         let path = path.as_ref();
-        let file = File::open(path).map_err(|source| RecordingError::Open {
-            path: path.to_owned(),
-            source,
-        })?;
+        let file = File::open(path)
+            .map_err(|source| RecordingError::Open { path: path.to_owned(), source })?;
         if file.metadata().is_ok_and(|metadata| metadata.is_dir()) {
             let path = path.to_owned();
             return Err(RecordingError::Folder { path });
@@ -75,13 +73,11 @@ impl Recording {
     /// reading fails.
     pub fn from_source(source: impl Source + 'static) -> Result<Self, RecordingError> {
         let mut source: Box<dyn Source> = Box::new(source);
-        let file_bytes = source
-            .seek(SeekFrom::End(0))
-            .map_err(|source| RecordingError::Read {
-                at: 0,
-                bytes: 0,
-                source,
-            })?;
+        let file_bytes = source.seek(SeekFrom::End(0)).map_err(|source| RecordingError::Read {
+            at: 0,
+            bytes: 0,
+            source,
+        })?;
         let header = match header::read(&mut *source, file_bytes) {
             Err(error) if error.is_about_the_header() => {
                 if is_damaged_by_text_mode(&mut *source, file_bytes)? {
@@ -122,18 +118,11 @@ impl Recording {
             return Err(RecordingError::TextMode);
         }
         if truncated {
-            header.warnings.push(Warning::Truncated {
-                promised,
-                whole,
-                left_over,
-            });
+            header.warnings.push(Warning::Truncated { promised, whole, left_over });
         }
         let records = promised.min(whole);
         if records == 0 {
-            return Err(RecordingError::NoData {
-                record_bytes,
-                data_bytes,
-            });
+            return Err(RecordingError::NoData { record_bytes, data_bytes });
         }
         let surplus = data_bytes - records * record_bytes;
         // In a GDF file, bytes after the records are the event table, not surplus.
@@ -174,11 +163,7 @@ impl Recording {
 
     /// Returns the labels of all signals in file order, exactly as in the file.
     pub fn labels(&self) -> Vec<&str> {
-        self.header
-            .signals
-            .iter()
-            .map(|signal| signal.label.as_str())
-            .collect()
+        self.header.signals.iter().map(|signal| signal.label.as_str()).collect()
     }
 
     /// Returns the defects of the file found so far that do not prevent reading it.
@@ -213,19 +198,15 @@ impl Recording {
     /// [`RecordingError::Read`] if reading fails or the file has shrunk since it was opened.
     pub fn read_block(&mut self, block: &mut Block) -> Result<bool, RecordingError> {
         block.first_record = self.next_record;
-        block
-            .samples
-            .resize_with(self.header.signals.len(), Vec::new);
+        block.samples.resize_with(self.header.signals.len(), Vec::new);
         block.samples.iter_mut().for_each(Vec::clear);
-        block.records = (BLOCK_BYTES / self.record_bytes)
-            .max(1)
-            .min(self.records - self.next_record);
+        block.records =
+            (BLOCK_BYTES / self.record_bytes).max(1).min(self.records - self.next_record);
         if block.records == 0 {
             return Ok(false);
         }
         let at = self.header.data_start + self.next_record * self.record_bytes;
-        self.raw
-            .resize(in_memory(block.records * self.record_bytes), 0);
+        self.raw.resize(in_memory(block.records * self.record_bytes), 0);
         read_at(&mut *self.source, at, &mut self.raw)?;
         for record in self.raw.chunks_exact(in_memory(self.record_bytes)) {
             let mut rest = record;
@@ -235,9 +216,7 @@ impl Recording {
                 if signal.kind == SignalKind::Samples
                     && let Ok(line) = signal.calibration
                 {
-                    signal
-                        .sample_type
-                        .decode(own, |digital| line.physical(digital), out);
+                    signal.sample_type.decode(own, |digital| line.physical(digital), out);
                 }
             }
         }
@@ -325,11 +304,7 @@ impl Recording {
             let start_s = self.record_annotations(record, &places)?.record_start_s;
             self.timeline.add_record(record, start_s);
         }
-        let Gaps {
-            count,
-            seconds,
-            unstated,
-        } = self.timeline.gaps;
+        let Gaps { count, seconds, unstated } = self.timeline.gaps;
         if count > 0 {
             self.warn_once(Warning::Gaps { count, seconds });
         }

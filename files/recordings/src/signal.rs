@@ -63,12 +63,8 @@ pub struct Calibration {
 
 impl Calibration {
     /// The line on which physical values equal digital values.
-    pub(crate) const IDENTITY: Self = Self {
-        digital: [-1.0, 1.0],
-        physical: [-1.0, 1.0],
-        gain: 1.0,
-        nearest_zero: [0.0, 0.0],
-    };
+    pub(crate) const IDENTITY: Self =
+        Self { digital: [-1.0, 1.0], physical: [-1.0, 1.0], gain: 1.0, nearest_zero: [0.0, 0.0] };
 
     /// Creates the line through both ends of the ranges; `None` unless all ends are finite and the
     /// gain is finite and not 0.
@@ -79,10 +75,7 @@ impl Calibration {
         let [p_min, p_max] = physical.map(|end| end / physical_unit);
         let slope = (p_max - p_min) / (d_max - d_min);
         let gain = slope * (physical_unit / digital_unit);
-        #[expect(
-            clippy::float_cmp,
-            reason = "equal as stored means that values are not scaled"
-        )]
+        #[expect(clippy::float_cmp, reason = "equal as stored means that values are not scaled")]
         let nearest_zero = if digital == physical {
             [0.0, 0.0]
         } else if d_min * d_max <= 0.0 {
@@ -93,12 +86,7 @@ impl Calibration {
         } else {
             [digital[1], physical[1]]
         };
-        let line = Self {
-            digital,
-            physical,
-            gain,
-            nearest_zero,
-        };
+        let line = Self { digital, physical, gain, nearest_zero };
         let finite = digital.iter().chain(&physical).all(|end| end.is_finite());
         (finite && gain.is_normal()).then_some(line)
     }
@@ -228,23 +216,15 @@ impl SampleType {
 
 /// Returns up to eight little-endian bytes as a u64, in which missing high bytes are 0.
 fn word(raw: &[u8]) -> u64 {
-    raw.iter()
-        .rev()
-        .fold(0, |word, &byte| word << 8 | u64::from(byte))
+    raw.iter().rev().fold(0, |word, &byte| word << 8 | u64::from(byte))
 }
 
-#[expect(
-    clippy::cast_precision_loss,
-    reason = "rounding beyond 2^53 is documented"
-)]
+#[expect(clippy::cast_precision_loss, reason = "rounding beyond 2^53 is documented")]
 fn unsigned(raw: &[u8]) -> f64 {
     word(raw) as f64
 }
 
-#[expect(
-    clippy::cast_precision_loss,
-    reason = "rounding beyond 2^53 is documented"
-)]
+#[expect(clippy::cast_precision_loss, reason = "rounding beyond 2^53 is documented")]
 fn signed(raw: &[u8]) -> f64 {
     let unused_bits = 64 - 8 * raw.len();
     ((word(raw) << unused_bits).cast_signed() >> unused_bits) as f64
@@ -273,10 +253,7 @@ impl Unit {
             "V" | "v" => Some(1e6),
             _ => None,
         };
-        Self {
-            text: text.to_owned(),
-            microvolts,
-        }
+        Self { text: text.to_owned(), microvolts }
     }
 
     /// Interprets a GDF 2 unit code: 4256 V, 4274 mV, 4275 uV, 4276 nV. Code 0 means that the
@@ -292,11 +269,7 @@ impl Unit {
             Some(20) => ("nV", Some(1e-3)),
             _ => (text.trim(), None),
         };
-        let text = if name.is_empty() {
-            format!("code {code}")
-        } else {
-            name.to_owned()
-        };
+        let text = if name.is_empty() { format!("code {code}") } else { name.to_owned() };
         Self { text, microvolts }
     }
 
@@ -308,11 +281,7 @@ impl Unit {
 
 impl fmt::Display for Unit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(if self.text.is_empty() {
-            "(none)"
-        } else {
-            &self.text
-        })
+        f.write_str(if self.text.is_empty() { "(none)" } else { &self.text })
     }
 }
 
@@ -322,19 +291,10 @@ mod tests {
 
     #[test]
     fn voltages_are_recognised_by_text() {
-        for (text, microvolts) in [
-            ("uV", 1.0),
-            (" µV ", 1.0),
-            ("μV", 1.0),
-            ("mV", 1e3),
-            ("V", 1e6),
-            ("nV", 1e-3),
-        ] {
-            assert_eq!(
-                Unit::from_text(text).microvolts(),
-                Some(microvolts),
-                "{text}"
-            );
+        for (text, microvolts) in
+            [("uV", 1.0), (" µV ", 1.0), ("μV", 1.0), ("mV", 1e3), ("V", 1e6), ("nV", 1e-3)]
+        {
+            assert_eq!(Unit::from_text(text).microvolts(), Some(microvolts), "{text}");
         }
     }
 

@@ -24,11 +24,7 @@ pub(crate) fn read_at(
     source
         .seek(SeekFrom::Start(at))
         .and_then(|_| source.read_exact(bytes))
-        .map_err(|source| RecordingError::Read {
-            at,
-            bytes: length,
-            source,
-        })
+        .map_err(|source| RecordingError::Read { at, bytes: length, source })
 }
 
 /// Converts a number of bytes, which the caller has checked against the size of the file, to

@@ -88,12 +88,8 @@ mod tests {
 
     #[test]
     fn gaps_between_records_are_closed() {
-        let mut timeline = Timeline {
-            section_s: 1.0,
-            record_s: 1.0,
-            end_s: 5.0,
-            ..Timeline::default()
-        };
+        let mut timeline =
+            Timeline { section_s: 1.0, record_s: 1.0, end_s: 5.0, ..Timeline::default() };
         // Records of 1 s start at 0.5 s and 1.5 s and, after a gap of 7.5 s, at 10 s. The fourth
         // record has no time, and the fifth an impossible time: both follow without a gap.
         let starts = [Some(0.5), Some(1.5), Some(10.0), None, Some(3.0)];

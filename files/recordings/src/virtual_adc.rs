@@ -30,10 +30,7 @@ impl AdcSpec {
     /// Returns a specification with the scale of an ADS1299 at gain 24 with a reference of 4.5 V:
     /// `2 * 4.5 V / 24 / 2^24` = 22.35 nV per count (TI datasheet SBAS499, section 9.5.1).
     pub const fn ads1299(rate_hz: u32) -> Self {
-        Self {
-            rate_hz,
-            lsb_uv: 2.0 * 4.5e6 / 24.0 / 16_777_216.0,
-        }
+        Self { rate_hz, lsb_uv: 2.0 * 4.5e6 / 24.0 / 16_777_216.0 }
     }
 }
 
@@ -50,10 +47,7 @@ pub struct AdcCounters {
 impl AdcCounters {
     /// Returns a sentence for the user about each count that is not 0.
     pub fn warnings(self) -> Vec<String> {
-        let Self {
-            saturated,
-            not_finite,
-        } = self;
+        let Self { saturated, not_finite } = self;
         let rail = format!(
             "{saturated} counts are at the rail of the ADC, whose range the signals exceed: check \
              their units and the amplifier"
@@ -108,12 +102,8 @@ impl VirtualAdc {
         spec: AdcSpec,
     ) -> Result<Self, RecordingError> {
         let signals = recording.signals().iter();
-        let signals: Vec<SignalRate> = signals
-            .map(|signal| SignalRate {
-                label: &signal.label,
-                rate: signal.rate,
-            })
-            .collect();
+        let signals: Vec<SignalRate> =
+            signals.map(|signal| SignalRate { label: &signal.label, rate: signal.rate }).collect();
         let conversion = Conversion::new(&signals, map, spec)?;
         for signal in map.used() {
             let signal = &recording.signals()[signal];
@@ -257,10 +247,7 @@ mod tests {
                 delivered += 1;
             }
             assert_eq!(delivered, usize::from(SECONDS) * 512);
-            assert!(
-                most < 65_536,
-                "{rates:?}: {most} of {delivered} samples in memory"
-            );
+            assert!(most < 65_536, "{rates:?}: {most} of {delivered} samples in memory");
         }
     }
 }

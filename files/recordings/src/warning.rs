@@ -18,19 +18,11 @@ pub enum Warning {
         "the file is truncated: the header announces {promised} records, {whole} are complete and used, \
          {left_over} bytes of an incomplete one are ignored"
     )]
-    Truncated {
-        promised: u64,
-        whole: u64,
-        left_over: u64,
-    },
+    Truncated { promised: u64, whole: u64, left_over: u64 },
     /// An EDF or BDF file has bytes after the last record announced in its header: `records` whole
     /// records, together `seconds` long, and `bytes` further bytes.
     #[error("{}", surplus(*records, *seconds, *bytes))]
-    Surplus {
-        records: u64,
-        seconds: f64,
-        bytes: u64,
-    },
+    Surplus { records: u64, seconds: f64, bytes: u64 },
     /// The first field of an EDF file is not the version of the format, which is 0.
     #[error("the version in the header is '{found}' in place of 0; the file is read as EDF")]
     Version { found: String },

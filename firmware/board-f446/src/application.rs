@@ -77,16 +77,9 @@ fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
 
     let bus = board_stm32::bus!(parts, Irqs, SPI_BUFFER.take());
     let wires = board_stm32::chain_wires!(parts, bus);
-    let trigger = Trigger {
-        pin: parts.trigger,
-        line: parts.trigger_line,
-    };
+    let trigger = Trigger { pin: parts.trigger, line: parts.trigger_line };
     #[cfg(not(feature = "uart"))]
-    let port = board_stm32::Port {
-        otg: parts.usb,
-        dp: parts.usb_dp,
-        dm: parts.usb_dm,
-    };
+    let port = board_stm32::Port { otg: parts.usb, dp: parts.usb_dp, dm: parts.usb_dm };
     #[cfg(feature = "uart")]
     let port = board_stm32::uart_port!(parts, Usart2, UartIrqs, PORT_MEMORY.take());
     let spawner = start_tasks(Board {

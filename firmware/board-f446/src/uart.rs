@@ -9,11 +9,8 @@ pub(crate) struct Usart2;
 impl Uart for Usart2 {
     type Instance = peripherals::USART2;
 
-    const INTERRUPTS: [Interrupt; 3] = [
-        Interrupt::USART2,
-        Interrupt::DMA1_STREAM6,
-        Interrupt::DMA1_STREAM5,
-    ];
+    const INTERRUPTS: [Interrupt; 3] =
+        [Interrupt::USART2, Interrupt::DMA1_STREAM6, Interrupt::DMA1_STREAM5];
 
     fn data_register() -> *mut u8 {
         uart::data_register(pac::USART2)

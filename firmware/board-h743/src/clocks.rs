@@ -30,18 +30,9 @@ pub(crate) fn config(source: ClockSource) -> Config {
     let rcc = &mut config.rcc;
     let inputs = Inputs::of(source);
     if let Some(hz) = inputs.hse_hz {
-        rcc.hse = Some(Hse {
-            freq: Hertz(hz),
-            mode: HseMode::Bypass,
-        });
+        rcc.hse = Some(Hse { freq: Hertz(hz), mode: HseMode::Bypass });
     }
-    let Inputs {
-        source,
-        prediv,
-        pll1,
-        pll2,
-        ..
-    } = inputs;
+    let Inputs { source, prediv, pll1, pll2, .. } = inputs;
     // The core's clock is 960 MHz / 2 = 480 MHz: the maximum of the chip's revision V, at the
     // highest core voltage (DS12110, section 7.3.1). 960 MHz / 20 = 48 MHz clocks USB and the
     // random number generator, and is as accurate as the source. The alternative for USB, the

@@ -60,11 +60,9 @@ pub(crate) fn init(mut core: Peripherals) -> (&'static mut DmaMemory, &'static m
     // SAFETY: no MPU region is in use, and the caches are still off.
     unsafe { core.MPU.ctrl.write(0) };
     // Where two regions overlap, the region with the higher number applies.
-    for (region, start, attributes) in [
-        (0, 0, NOTHING_FITTED),
-        (1, SRAM1, SRAM1_UNCACHED),
-        (2, SYSTEM_MEMORY, NOT_SPECULATIVE),
-    ] {
+    for (region, start, attributes) in
+        [(0, 0, NOTHING_FITTED), (1, SRAM1, SRAM1_UNCACHED), (2, SYSTEM_MEMORY, NOT_SPECULATIVE)]
+    {
         // SAFETY: the MPU is off; the chip has 16 regions.
         unsafe { core.MPU.rnr.write(region) };
         // SAFETY: the MPU is off; the address is a multiple of the region's size.

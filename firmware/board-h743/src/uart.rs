@@ -9,11 +9,8 @@ pub(crate) struct Usart3;
 impl Uart for Usart3 {
     type Instance = peripherals::USART3;
 
-    const INTERRUPTS: [Interrupt; 3] = [
-        Interrupt::USART3,
-        Interrupt::DMA1_STREAM2,
-        Interrupt::DMA1_STREAM3,
-    ];
+    const INTERRUPTS: [Interrupt; 3] =
+        [Interrupt::USART3, Interrupt::DMA1_STREAM2, Interrupt::DMA1_STREAM3];
 
     fn data_register() -> *mut u8 {
         pac::USART3.rdr().as_ptr().cast()

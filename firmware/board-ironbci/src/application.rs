@@ -66,10 +66,7 @@ fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
         parts.drdy,
         parts.drdy_line,
     );
-    let trigger = Trigger {
-        pin: parts.trigger,
-        line: parts.trigger_line,
-    };
+    let trigger = Trigger { pin: parts.trigger, line: parts.trigger_line };
     let port = board_stm32::uart_port!(parts, Uart5, UartIrqs, PORT_MEMORY.take());
     let spawner = start_tasks(Board {
         name: "ironbci",

@@ -9,11 +9,8 @@ pub(crate) struct Uart5;
 impl Uart for Uart5 {
     type Instance = peripherals::UART5;
 
-    const INTERRUPTS: [Interrupt; 3] = [
-        Interrupt::UART5,
-        Interrupt::DMA1_STREAM7,
-        Interrupt::DMA1_STREAM0,
-    ];
+    const INTERRUPTS: [Interrupt; 3] =
+        [Interrupt::UART5, Interrupt::DMA1_STREAM7, Interrupt::DMA1_STREAM0];
 
     fn data_register() -> *mut u8 {
         uart::data_register(pac::UART5)

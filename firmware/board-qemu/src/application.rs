@@ -43,11 +43,7 @@ async fn acquire(source: SampleSource, memory: (SampleSender, &'static mut Acqui
 
 #[embassy_executor::task]
 async fn encode(
-    memory: (
-        SampleReceiver,
-        OutputSender,
-        &'static mut Producer<&'static mut BothEncoders>,
-    ),
+    memory: (SampleReceiver, OutputSender, &'static mut Producer<&'static mut BothEncoders>),
 ) {
     firmware::encode(&SHARED, memory).await;
 }
@@ -73,14 +69,8 @@ async fn converse(
     if !is_sound {
         session.refuse_starts();
     }
-    let port = Port {
-        input: Receiver,
-        output: Transmitter,
-    };
-    let machine = Machine {
-        stack: Some(stack()),
-        restart: failure::restart,
-    };
+    let port = Port { input: Receiver, output: Transmitter };
+    let machine = Machine { stack: Some(stack()), restart: failure::restart };
     firmware::converse(port, &mut session, start, memory, &SHARED, machine).await;
 }
 
@@ -137,10 +127,7 @@ fn start() -> Result<(), SpawnError> {
     ]
     .into_iter()
     .find(|(argument, _)| arguments.has(argument))
-    .map(|(_, streams)| Start {
-        streams,
-        mains_hz: 0,
-    });
+    .map(|(_, streams)| Start { streams, mains_hz: 0 });
     let source = SampleSource::open();
     if let Some(mut core) = cortex_m::Peripherals::take() {
         interrupts::init(&mut core.NVIC);
@@ -175,8 +162,5 @@ fn open_if_requested(
     argument: &str,
     name: &core::ffi::CStr,
 ) -> Option<HostFile> {
-    arguments
-        .has(argument)
-        .then(|| HostFile::open(name))
-        .flatten()
+    arguments.has(argument).then(|| HostFile::open(name)).flatten()
 }

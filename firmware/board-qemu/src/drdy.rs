@@ -21,11 +21,7 @@ struct Edges {
     taken: u64,
 }
 
-static EDGES: Mutex<Cell<Edges>> = Mutex::new(Cell::new(Edges {
-    first: 0,
-    count: 0,
-    taken: 0,
-}));
+static EDGES: Mutex<Cell<Edges>> = Mutex::new(Cell::new(Edges { first: 0, count: 0, taken: 0 }));
 static WAKER: AtomicWaker = AtomicWaker::new();
 
 /// Returns the time of edge number `index` in ticks, rounded down; edge 0 is at `first`.
@@ -40,10 +36,7 @@ pub(crate) fn start() -> u64 {
     critical_section::with(|section| {
         let edges = EDGES.borrow(section);
         let first = ticks_since_boot() + due(0, 1);
-        edges.set(Edges {
-            first: first.next_multiple_of(u64::from(TICKS_PER_US)),
-            ..edges.get()
-        });
+        edges.set(Edges { first: first.next_multiple_of(u64::from(TICKS_PER_US)), ..edges.get() });
         arm(edges.get());
         edges.get().first
     })
@@ -53,10 +46,7 @@ pub(crate) fn start() -> u64 {
 pub(crate) fn on_edge() {
     critical_section::with(|section| {
         let edges = EDGES.borrow(section);
-        edges.set(Edges {
-            count: edges.get().count + 1,
-            ..edges.get()
-        });
+        edges.set(Edges { count: edges.get().count + 1, ..edges.get() });
         arm(edges.get());
     });
     WAKER.wake();
@@ -65,9 +55,7 @@ pub(crate) fn on_edge() {
 /// Sets timer 1 to expire once, at the next edge. A periodic timer cannot be used: under `-icount`,
 /// QEMU 7.2 runs it at half its rate.
 fn arm(edges: Edges) {
-    let wait = due(edges.first, edges.count)
-        .saturating_sub(ticks_since_boot())
-        .max(1);
+    let wait = due(edges.first, edges.count).saturating_sub(ticks_since_boot()).max(1);
     TIMER1.write(timer::CONTROL, 0);
     TIMER1.write(timer::INTERRUPT, 1);
     let wait = u32::try_from(wait).unwrap_or(u32::MAX);
@@ -94,10 +82,7 @@ pub(crate) async fn next_edge() -> Edge {
         let (before, now) = critical_section::with(|section| {
             let edges = EDGES.borrow(section);
             let before = edges.get();
-            edges.set(Edges {
-                taken: before.count,
-                ..before
-            });
+            edges.set(Edges { taken: before.count, ..before });
             (before.taken, edges.get())
         });
         if now.count == before {

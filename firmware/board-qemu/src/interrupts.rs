@@ -124,7 +124,4 @@ static __INTERRUPTS: [unsafe extern "C" fn(); 32] = {
 };
 
 /// Shared state of the tasks. The free-running timer measures the durations of the stages.
-pub(crate) static SHARED: Shared = Shared::new(Clock {
-    now: time_driver::ticks,
-    hz: CLOCK_HZ,
-});
+pub(crate) static SHARED: Shared = Shared::new(Clock { now: time_driver::ticks, hz: CLOCK_HZ });

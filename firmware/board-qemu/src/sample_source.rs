@@ -93,11 +93,7 @@ const AMPLITUDE: i32 = 895;
 
 impl Eeg {
     pub(crate) fn new() -> Self {
-        Self {
-            random: 1,
-            slow: Sample::default(),
-            wave: [i32::from(i16::MAX), 0],
-        }
+        Self { random: 1, slow: Sample::default(), wave: [i32::from(i16::MAX), 0] }
     }
 
     /// Writes the next sample's synthetic counts to `sample`.
@@ -110,10 +106,7 @@ impl Eeg {
         let channels = sample.counts.iter_mut().zip(&mut self.slow.counts);
         for (index, (count, slow)) in (1..).zip(channels) {
             // Linear congruential generator with the constants of Numerical Recipes.
-            self.random = self
-                .random
-                .wrapping_mul(1_664_525)
-                .wrapping_add(1_013_904_223);
+            self.random = self.random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             let noise = self.random.cast_signed() >> 20;
             *slow += noise - (*slow >> 6);
             let part = AMPLITUDE * (index % 5) / 4;

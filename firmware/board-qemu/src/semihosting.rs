@@ -31,8 +31,7 @@ impl Arguments {
     pub(crate) fn has(&self, word: &str) -> bool {
         let end = self.line.iter().position(|&byte| byte == 0);
         let line = &self.line[..end.unwrap_or(MAX_LINE)];
-        line.split(|&byte| byte == b' ')
-            .any(|argument| argument == word.as_bytes())
+        line.split(|&byte| byte == b' ').any(|argument| argument == word.as_bytes())
     }
 }
 

@@ -30,11 +30,7 @@ static TRIGGER: Mutex<RefCell<Option<Trigger>>> = Mutex::new(RefCell::new(None))
 /// Starts to generate the edges in `file`; `origin` is the time of the first DRDY edge, in ticks.
 pub(crate) fn start(file: HostFile, origin: u64) {
     critical_section::with(|section| {
-        let trigger = Trigger {
-            file,
-            origin,
-            next: (EventKind::TriggerFall, 0),
-        };
+        let trigger = Trigger { file, origin, next: (EventKind::TriggerFall, 0) };
         let mut place = TRIGGER.borrow_ref_mut(section);
         *place = trigger.armed();
     });

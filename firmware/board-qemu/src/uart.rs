@@ -67,11 +67,7 @@ struct Outgoing {
 }
 
 static OUTGOING: critical_section::Mutex<RefCell<Outgoing>> =
-    critical_section::Mutex::new(RefCell::new(Outgoing {
-        bytes: [0; 64],
-        next: 0,
-        end: 0,
-    }));
+    critical_section::Mutex::new(RefCell::new(Outgoing { bytes: [0; 64], next: 0, end: 0 }));
 
 impl Outgoing {
     fn next(&mut self) -> Option<u8> {

@@ -38,11 +38,7 @@ static ADC: StaticCell<Adc> = StaticCell::new();
 /// and the UART carries only 92 kB/s. Compressed raw samples need about half of the 101 kB/s.
 const ABILITIES: Abilities = Abilities {
     streams: {
-        let too_fast = if cfg!(feature = "uart") {
-            Streams::RAW
-        } else {
-            Streams::empty()
-        };
+        let too_fast = if cfg!(feature = "uart") { Streams::RAW } else { Streams::empty() };
         streams_with::<ImageEncoders>().without(too_fast)
     },
     self_test: true,
@@ -97,9 +93,7 @@ pub fn start_tasks(board: Board) -> Result<SendSpawner, SpawnError> {
         board: board.name,
         chip_uid: uid::uid(),
         session_id: board.session_id,
-        reset_cause: previous
-            .as_ref()
-            .map_or(board.reset_cause, FaultRecord::reset_cause),
+        reset_cause: previous.as_ref().map_or(board.reset_cause, FaultRecord::reset_cause),
         fault: clock_fault,
     };
     // After any other reset, the converters have already had power for long enough to start.
@@ -142,9 +136,7 @@ pub fn start_watchdog(watchdog: pac::iwdg::Iwdg) {
     watchdog.kr().write(|key| key.set_key(Key::START));
     watchdog.kr().write(|key| key.set_key(Key::ENABLE));
     // The reload register keeps its value after a reset, 0xFFF.
-    watchdog
-        .pr()
-        .write(|prescaler| prescaler.set_pr(Pr::DIVIDE_BY32));
+    watchdog.pr().write(|prescaler| prescaler.set_pr(Pr::DIVIDE_BY32));
 }
 
 /// Feeds the running watchdog while all tasks make progress. The period stays at
@@ -185,11 +177,7 @@ async fn acquire(
 
 #[embassy_executor::task]
 async fn encode(
-    memory: (
-        SampleReceiver,
-        OutputSender,
-        &'static mut Producer<&'static mut ImageEncoders>,
-    ),
+    memory: (SampleReceiver, OutputSender, &'static mut Producer<&'static mut ImageEncoders>),
 ) {
     firmware::encode(&SHARED, memory).await;
 }
@@ -203,18 +191,12 @@ async fn converse(
 ) {
     let is_sound = ImageEncoders::model_is_sound();
     let fault = firmware::start_fault(is_sound, identity.fault, previous.as_ref());
-    let identity = Identity {
-        fault: &fault,
-        ..identity
-    };
+    let identity = Identity { fault: &fault, ..identity };
     let mut session = Session::new(identity, ABILITIES, Mains::default());
     if !is_sound {
         session.refuse_starts();
     }
-    let machine = Machine {
-        stack: Some(stack()),
-        restart: failure::restart,
-    };
+    let machine = Machine { stack: Some(stack()), restart: failure::restart };
     port.converse(&mut session, memory, machine).await;
 }
 

@@ -50,11 +50,7 @@ impl Bus {
     /// Wraps an SPI that was created with [`Self::config`]; `buffer` must be in memory that the
     /// SPI's DMA can access.
     pub fn new(spi: Spi<'static, Async, Master>, buffer: &'static mut [u8; FRAME_BYTES]) -> Self {
-        Self {
-            spi,
-            config: Self::config(),
-            buffer,
-        }
+        Self { spi, config: Self::config(), buffer }
     }
 }
 

@@ -76,8 +76,7 @@ impl ClockSource {
     ) -> Self {
         // Set HSEBYP first: it can be set only while HSE is off (RM0433, RM0390 and RM0090,
         // RCC_CR).
-        RCC.cr()
-            .modify(|control| control.set_hsebyp(input == HseInput::Clock));
+        RCC.cr().modify(|control| control.set_hsebyp(input == HseInput::Clock));
         RCC.cr().modify(|control| control.set_hseon(true));
         let is_ready = || RCC.cr().read().hserdy();
         let source = if poll_until(TIMEOUT_MS, is_ready, || asm::delay(core_hz / 1_000)) {
@@ -94,10 +93,7 @@ impl ClockSource {
     /// Returns the source in `known` whose range contains the measured frequency, or `OtherClock`.
     fn of_frequency(measured_hz: Option<u32>, known: &[KnownClock]) -> Self {
         let is_it = |(_, range): &&KnownClock| measured_hz.is_some_and(|hz| range.contains(&hz));
-        known
-            .iter()
-            .find(is_it)
-            .map_or(Self::OtherClock, |(source, _)| *source)
+        known.iter().find(is_it).map_or(Self::OtherClock, |(source, _)| *source)
     }
 
     /// Returns whether the source is the clock at the HSE input.
@@ -145,9 +141,7 @@ fn measure(timer_hz: u32, timer: &mut impl HseTimer) -> Option<u32> {
     let mut shortest = None;
     for _ in 0..CAPTURES {
         let count = next();
-        let interval = last
-            .zip(count)
-            .map(|(last, count)| count.wrapping_sub(last));
+        let interval = last.zip(count).map(|(last, count)| count.wrapping_sub(last));
         // A missing capture gives `None`, which is less than any interval, so the result is `None`.
         shortest = shortest.map_or(Some(interval), |shortest| Some(interval.min(shortest)));
         last = count;
@@ -217,10 +211,7 @@ mod tests {
     #[test]
     fn the_frequency_decides_the_source() {
         use ClockSource::{OtherClock, StLink, StLinkCrystal};
-        let both = [
-            (StLink, 7_760_000..=8_160_000),
-            (StLinkCrystal, 8_200_000..=8_470_000),
-        ];
+        let both = [(StLink, 7_760_000..=8_160_000), (StLinkCrystal, 8_200_000..=8_470_000)];
         for timer_hz in [16_000_000, 64_000_000] {
             for (hse_hz, expected) in [
                 (7_976_000, StLink),
@@ -232,12 +223,7 @@ mod tests {
                 (16_000_000, OtherClock),
                 (0, OtherClock),
             ] {
-                let mut timer = Captures {
-                    timer_hz: timer_hz.into(),
-                    hse_hz,
-                    number: 0,
-                    lost: 9,
-                };
+                let mut timer = Captures { timer_hz: timer_hz.into(), hse_hz, number: 0, lost: 9 };
                 let measured = measure(timer_hz, &mut timer);
                 if let Some(hz) = measured {
                     let count = timer_hz / u32::try_from(hse_hz / 128).expect("a short interval");

@@ -219,9 +219,7 @@ impl Converter for &mut Adc {
     #[cfg(feature = "impedance")]
     async fn set_excitation(&mut self, on: bool) {
         let channels = if on { device::EXCITED } else { 0 };
-        self.chain
-            .switch_excitation(channels, &mut drdy_edges())
-            .await;
+        self.chain.switch_excitation(channels, &mut drdy_edges()).await;
     }
 
     fn status(&self) -> Option<link::Converters> {
@@ -237,10 +235,7 @@ impl Converter for &mut Adc {
     /// Runs the self-test. If the start of the chain had failed, then sets up the chain again at
     /// once.
     async fn self_test(&mut self, alive: impl FnMut()) {
-        self.chain
-            .sampler_mut()
-            .self_test(self.test, &mut drdy_edges(), alive)
-            .await;
+        self.chain.sampler_mut().self_test(self.test, &mut drdy_edges(), alive).await;
         let failure = self.test.report().not_restored;
         self.chain.restarted(failure, &mut drdy_edges());
         self.log();

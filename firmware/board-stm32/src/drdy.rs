@@ -23,11 +23,7 @@ struct Edges {
     taken: u32,
 }
 
-static EDGES: Mutex<Cell<Edges>> = Mutex::new(Cell::new(Edges {
-    last_us: 0,
-    count: 0,
-    taken: 0,
-}));
+static EDGES: Mutex<Cell<Edges>> = Mutex::new(Cell::new(Edges { last_us: 0, count: 0, taken: 0 }));
 static WAKER: AtomicWaker = AtomicWaker::new();
 
 /// Handles a falling edge of DRDY. Called by DRDY's interrupt, the most urgent interrupt after the
@@ -42,11 +38,7 @@ pub(crate) fn on_edge() {
     critical_section::with(|section| {
         let edges = EDGES.borrow(section);
         let before = edges.get();
-        edges.set(Edges {
-            last_us: us,
-            count: before.count.wrapping_add(1),
-            ..before
-        });
+        edges.set(Edges { last_us: us, count: before.count.wrapping_add(1), ..before });
     });
     WAKER.wake();
 }
@@ -55,10 +47,7 @@ pub(crate) fn on_edge() {
 fn take_edges(section: CriticalSection<'_>) -> Edges {
     let edges = EDGES.borrow(section);
     let before = edges.get();
-    edges.set(Edges {
-        taken: before.count,
-        ..before
-    });
+    edges.set(Edges { taken: before.count, ..before });
     before
 }
 
@@ -70,10 +59,7 @@ async fn next_edge(before_wait: &impl Fn()) -> DrdyEdge {
         let before = critical_section::with(take_edges);
         match before.count.wrapping_sub(before.taken) {
             0 => Poll::Pending,
-            new => Poll::Ready(DrdyEdge {
-                us: before.last_us,
-                missed: new - 1,
-            }),
+            new => Poll::Ready(DrdyEdge { us: before.last_us, missed: new - 1 }),
         }
     })
     .await

@@ -1,8 +1,5 @@
 //! Panics and faults: each leaves a record for the next boot and resets the chip.
-#![expect(
-    unsafe_code,
-    reason = "the fault handler, which checks and reads the stack"
-)]
+#![expect(unsafe_code, reason = "the fault handler, which checks and reads the stack")]
 
 use core::{arch::naked_asm, panic::PanicInfo};
 
@@ -65,9 +62,7 @@ unsafe extern "C" fn record(stacked: *const [u32; 8]) -> ! {
     let scb = unsafe { &*SCB::PTR };
     let cfsr = scb.cfsr.read();
     if cfsr & STACKING_FAILED != 0 {
-        fail(FaultRecord::from_failure(format_args!(
-            "stack overflow (CFSR {cfsr:#010x})"
-        )))
+        fail(FaultRecord::from_failure(format_args!("stack overflow (CFSR {cfsr:#010x})")))
     }
     if !stack().contains_words(stacked.addr(), 8) {
         fail(FaultRecord::from_failure(format_args!(

@@ -18,11 +18,7 @@ pub struct Pin {
 
 impl fmt::Display for Pin {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            formatter,
-            "| {} | {} | {} |",
-            self.signal, self.name, self.to
-        )
+        write!(formatter, "| {} | {} | {} |", self.signal, self.name, self.to)
     }
 }
 
@@ -35,16 +31,12 @@ pub fn are_documented(pins: &[Pin], text: &str, heading: &str) -> bool {
     let section = section.split("\n#").next().unwrap_or(section);
     // Skip the header row and the line below it.
     let mut rows = section.lines().filter(|line| line.starts_with('|')).skip(2);
-    pins.iter()
-        .all(|pin| rows.next().is_some_and(|row| is_row(*pin, row)))
-        && rows.next().is_none()
+    pins.iter().all(|pin| rows.next().is_some_and(|row| is_row(*pin, row))) && rows.next().is_none()
 }
 
 fn is_row(pin: Pin, row: &str) -> bool {
     let mut cells = row.trim_matches('|').split('|').map(str::trim);
-    [pin.signal, pin.name, pin.to]
-        .into_iter()
-        .all(|cell| cells.next() == Some(cell))
+    [pin.signal, pin.name, pin.to].into_iter().all(|cell| cells.next() == Some(cell))
         && cells.next().is_none()
 }
 
@@ -174,11 +166,7 @@ macro_rules! uart_port {
 mod tests {
     use super::*;
 
-    const PIN: Pin = Pin {
-        signal: "SCLK",
-        name: "PA5",
-        to: "all chips",
-    };
+    const PIN: Pin = Pin { signal: "SCLK", name: "PA5", to: "all chips" };
 
     #[test]
     fn a_table_with_a_different_a_missing_or_an_extra_pin_is_rejected() {
@@ -186,11 +174,7 @@ mod tests {
             |rows: &str| std::format!("# A board\n\n| a | b | c |\n| - | - | - |\n{rows}\n# B");
         let row = std::format!("{PIN}\n");
         assert!(are_documented(&[PIN], &text(&row), "# A board"));
-        assert!(!are_documented(
-            &[PIN],
-            &text(&row.replace("PA5", "PA6")),
-            "# A board"
-        ));
+        assert!(!are_documented(&[PIN], &text(&row.replace("PA5", "PA6")), "# A board"));
         assert!(!are_documented(&[PIN], &text(""), "# A board"));
         assert!(!are_documented(&[PIN], &text(&row.repeat(2)), "# A board"));
         assert!(!are_documented(&[PIN], "", "# A board"));

@@ -56,12 +56,8 @@ impl Trigger {
         core::mem::forget(input);
         // Connect the pin to TIM2. EXTI still receives the pin's level (RM0433, GPIO, external
         // interrupt lines).
-        GPIOB
-            .afr(PIN / 8)
-            .modify(|pins| pins.set_afr(PIN % 8, FUNCTION));
-        GPIOB
-            .moder()
-            .modify(|pins| pins.set_moder(PIN, Moder::ALTERNATE));
+        GPIOB.afr(PIN / 8).modify(|pins| pins.set_afr(PIN % 8, FUNCTION));
+        GPIOB.moder().modify(|pins| pins.set_moder(PIN, Moder::ALTERNATE));
         // Connect the timer's channel to its own input; there is no filter and no prescaler.
         TIM2.ccmr_input(CHANNEL / 2)
             .modify(|channels| channels.set_ccs(CHANNEL % 2, CcmrInputCcs::from_bits(0b01)));
@@ -110,11 +106,7 @@ pub(crate) fn on_edge() {
     });
     let Some(edge) = edge else { return };
     SHARED.inputs.count_lost(edge.lost);
-    let kind = if edge.is_rise {
-        EventKind::TriggerRise
-    } else {
-        EventKind::TriggerFall
-    };
+    let kind = if edge.is_rise { EventKind::TriggerRise } else { EventKind::TriggerFall };
     SHARED.inputs.push_event(kind, edge.at_us);
 }
 
@@ -123,10 +115,7 @@ fn is_high() -> bool {
 }
 
 /// Returns the stamp of the latest edge: the lower 16 bits of its device time in microseconds.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "the time driver's counter has 16 bits"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "the time driver's counter has 16 bits")]
 fn stamp() -> u16 {
     TIM2.ccr(CHANNEL).read() as u16
 }

@@ -24,11 +24,7 @@ pub(crate) struct TriggerLine {
 impl TriggerLine {
     /// Creates the state of a low input. The interrupt may not run before the first refill.
     pub(crate) const fn new() -> Self {
-        Self {
-            is_high: false,
-            stamp: 0,
-            budget: 0,
-        }
+        Self { is_high: false, stamp: 0, budget: 0 }
     }
 
     /// Sets the current level and stamp, to which the next observation is compared.
@@ -60,17 +56,10 @@ impl TriggerLine {
         }
         let lost = u32::from(is_high == self.is_high);
         self.reset(is_high, stamp);
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "the stamp has no more bits"
-        )]
+        #[expect(clippy::cast_possible_truncation, reason = "the stamp has no more bits")]
         let now = now_us as u16;
         let ahead = stamp.wrapping_sub(now).cast_signed();
-        Some(Edge {
-            is_rise: is_high,
-            at_us: now_us.saturating_add_signed(ahead.into()),
-            lost,
-        })
+        Some(Edge { is_rise: is_high, at_us: now_us.saturating_add_signed(ahead.into()), lost })
     }
 }
 
@@ -79,45 +68,24 @@ mod tests {
     use super::*;
 
     const fn edge(is_rise: bool, at_us: u64, lost: u32) -> Edge {
-        Edge {
-            is_rise,
-            at_us,
-            lost,
-        }
+        Edge { is_rise, at_us, lost }
     }
 
     #[test]
     fn a_stamp_of_16_bits_is_extended_with_the_current_time_across_every_wrap() {
         let mut line = TriggerLine::new();
-        assert_eq!(
-            line.observe(true, 0xfff0, 0x1_0005),
-            Some(edge(true, 0xfff0, 0))
-        );
-        assert_eq!(
-            line.observe(false, 3, 0x1_0009),
-            Some(edge(false, 0x1_0003, 0))
-        );
+        assert_eq!(line.observe(true, 0xfff0, 0x1_0005), Some(edge(true, 0xfff0, 0)));
+        assert_eq!(line.observe(false, 3, 0x1_0009), Some(edge(false, 0x1_0003, 0)));
         // This stamp is 2 us after `now_us`, past the wrap of 16 bits, so the upper bits count up.
-        assert_eq!(
-            line.observe(true, 1, 0x7_ffff_ffff),
-            Some(edge(true, 0x8_0000_0001, 0))
-        );
+        assert_eq!(line.observe(true, 1, 0x7_ffff_ffff), Some(edge(true, 0x8_0000_0001, 0)));
     }
 
     #[test]
     fn a_missed_edge_is_counted_and_no_edge_is_reported_twice() {
         let mut line = TriggerLine::new();
         line.reset(true, 7);
-        assert_eq!(
-            line.observe(true, 7, 20),
-            None,
-            "the state at the reset is no edge"
-        );
-        assert_eq!(
-            line.observe(true, 30, 31),
-            Some(edge(true, 30, 1)),
-            "it was low in between"
-        );
+        assert_eq!(line.observe(true, 7, 20), None, "the state at the reset is no edge");
+        assert_eq!(line.observe(true, 30, 31), Some(edge(true, 30, 1)), "it was low in between");
         assert_eq!(line.observe(true, 30, 40), None);
         assert_eq!(line.observe(false, 50, 51), Some(edge(false, 50, 0)));
     }

@@ -94,12 +94,8 @@ mod tests {
 
     #[test]
     fn an_image_for_arm_is_read_and_what_is_for_another_machine_or_cut_is_none() {
-        let expected = Segment {
-            address: 0x2000,
-            load_address: 0x1000,
-            file_size: 256,
-            memory_size: 512,
-        };
+        let expected =
+            Segment { address: 0x2000, load_address: 0x1000, file_size: 256, memory_size: 512 };
         let image = Image::parse(&elf(40)).expect("an image");
         assert_eq!(image.segments, [expected]);
         for file in [&elf(62), &elf(40)[..40], b""] {

@@ -5,11 +5,8 @@ use crate::memory_map::Region;
 
 /// Symbols at the start and end of the zeroed, the initialised and the uninitialised variables
 /// (cortex-m-rt, link.x.in).
-const RANGES: [(&str, &str); 3] = [
-    ("__sbss", "__ebss"),
-    ("__sdata", "__edata"),
-    ("__suninit", "__euninit"),
-];
+const RANGES: [(&str, &str); 3] =
+    [("__sbss", "__ebss"), ("__sdata", "__edata"), ("__suninit", "__euninit")];
 
 /// Sections that belong in a region of their own if the board has this region: the DMA's buffers on
 /// a chip whose DMA cannot reach all RAM, and the memory for an uploaded model.
@@ -50,9 +47,7 @@ pub(crate) fn faults(image: &Image, regions: &[Region]) -> Vec<String> {
     for (name, address, size) in &image.sections {
         let holds = |region: &&Region| *address >= region.origin && address + size <= region.end();
         let Some(region) = regions.iter().find(holds).map(|region| &region.name[..]) else {
-            faults.push(format!(
-                "{name}, {size} bytes at {address:#010x}, is in no region"
-            ));
+            faults.push(format!("{name}, {size} bytes at {address:#010x}, is in no region"));
             continue;
         };
         let is_misplaced = |(section, own)| (name == section) != (region == own);
@@ -103,9 +98,7 @@ mod tests {
         ];
         Image {
             segments: Vec::new(),
-            sections: sections
-                .map(|(name, at, size)| (name.to_owned(), at, size))
-                .into(),
+            sections: sections.map(|(name, at, size)| (name.to_owned(), at, size)).into(),
             symbols: symbols.map(|(name, at)| (name.to_owned(), at)).into(),
         }
     }
@@ -127,19 +120,11 @@ mod tests {
             ("__sdata", 0x2ff8, "__sdata"),
             ("_stack_start", 0x20f8, "_stack_start is 0x000020f8"),
             ("_stack_end", 0x2004, "_stack_end"),
-            (
-                "_kept",
-                0x3000,
-                "_kept is 0x00003000, 0x00004000 by the map",
-            ),
+            ("_kept", 0x3000, "_kept is 0x00003000, 0x00004000 by the map"),
             (".dma", 0x3018, ".dma is in RAM"),
             (".bss", 0x5020, ".bss is in SRAM1"),
             (".uninit", 0x4000, ".uninit is in KEPT"),
-            (
-                ".bss",
-                0x3038,
-                ".bss, 16 bytes at 0x00003038, is in no region",
-            ),
+            (".bss", 0x3038, ".bss, 16 bytes at 0x00003038, is in no region"),
         ] {
             let mut image = image();
             let places = image.sections.iter_mut().map(|(name, at, _)| (&*name, at));
@@ -158,10 +143,7 @@ mod tests {
         let mut image = image();
         image.symbols.remove("_kept");
         image.sections.retain(|(name, ..)| name != ".dma");
-        let expected = [
-            "_kept is missing, 0x00004000 by the map",
-            "no .dma in SRAM1",
-        ];
+        let expected = ["_kept is missing, 0x00004000 by the map", "no .dma in SRAM1"];
         assert_eq!(faults(&image, &regions()), expected);
     }
 }

@@ -21,14 +21,7 @@ pub(crate) struct Limits {
 pub(crate) const BOARDS: [Limits; 4] = [
     Limits {
         name: "NUCLEO-H743ZI2",
-        images: &[
-            "h743",
-            "h743-uart",
-            "kit-250",
-            "kit-500",
-            "cyton-16",
-            "ten-twenty-32",
-        ],
+        images: &["h743", "h743-uart", "kit-250", "kit-500", "cyton-16", "ten-twenty-32"],
         is_default: true,
         memory_map: "firmware/board-h743/stm32h743.x",
         // Limits for the image with USB: 9 % above the measured 660 KB of flash, 5 % above 92 KB of

@@ -81,11 +81,7 @@ fn budget(folder: &Path, json: bool, default_images: bool) -> Result<Vec<String>
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
         let map = read(&root.join(limits.memory_map))?;
         let regions = memory_map::regions(&String::from_utf8_lossy(&map));
-        let count = if default_images {
-            1
-        } else {
-            limits.images.len()
-        };
+        let count = if default_images { 1 } else { limits.images.len() };
         for name in limits.images.iter().copied().take(count) {
             let path = folder.join(name).with_extension("elf");
             let image = Image::parse(&read(&path)?).ok_or_else(|| {
@@ -136,10 +132,7 @@ fn measure(limits: &Limits, segments: &[Segment], regions: &[Region]) -> (Vec<Ro
             faults.push(format!("{used} bytes of {name}, the limit is {most}"));
         }
         if name == "STACK" && *length < limits.stack {
-            faults.push(format!(
-                "a stack of {length} bytes, {} at least",
-                limits.stack
-            ));
+            faults.push(format!("a stack of {length} bytes, {} at least", limits.stack));
         }
         rows.push(Row {
             region: name.clone(),
@@ -200,12 +193,8 @@ mod tests {
     /// Measures an image with `code` bytes of instructions and `variables` bytes of variables,
     /// whose 16 bytes of initial values follow the instructions in flash after a gap of 4 bytes.
     fn measured(code: u64, variables: u64, map: &str) -> (Vec<Row>, String) {
-        let code = Segment {
-            address: 0x1000,
-            load_address: 0x1000,
-            file_size: code,
-            memory_size: code,
-        };
+        let code =
+            Segment { address: 0x1000, load_address: 0x1000, file_size: code, memory_size: code };
         let variables = Segment {
             address: 0x3000,
             load_address: 0x1000 + code.file_size + 4,

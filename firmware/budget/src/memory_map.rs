@@ -25,11 +25,7 @@ fn region(line: &str) -> Option<Region> {
     let (name, rest) = line.split_once(':')?;
     let rest = rest.trim().strip_prefix("ORIGIN = ")?;
     let (origin, length) = rest.split_once(", LENGTH = ")?;
-    Some(Region {
-        name: name.trim().to_owned(),
-        origin: bytes(origin)?,
-        length: bytes(length)?,
-    })
+    Some(Region { name: name.trim().to_owned(), origin: bytes(origin)?, length: bytes(length)? })
 }
 
 /// Parses an address or a number of bytes, such as `0x20000000`, `512`, `32K` or `4M`.
@@ -55,16 +51,10 @@ mod tests {
         let script = "/* RAM: below */\nMEMORY\n{\n  FLASH : ORIGIN = 0x08000000, LENGTH = 512K\n  \
                       RAM   : ORIGIN = 0x20000000, LENGTH = 4M\n  KEPT : ORIGIN = 0x3, LENGTH = 8\n}\n\
                       _end = ORIGIN(RAM);\n";
-        let expected = [
-            ("FLASH", 0x0800_0000, 512 << 10),
-            ("RAM", 0x2000_0000, 4 << 20),
-            ("KEPT", 3, 8),
-        ];
-        let expected = expected.map(|(name, origin, length)| Region {
-            name: name.to_owned(),
-            origin,
-            length,
-        });
+        let expected =
+            [("FLASH", 0x0800_0000, 512 << 10), ("RAM", 0x2000_0000, 4 << 20), ("KEPT", 3, 8)];
+        let expected =
+            expected.map(|(name, origin, length)| Region { name: name.to_owned(), origin, length });
         assert_eq!(regions(script), expected);
     }
 }

@@ -31,12 +31,7 @@ struct Counted<'c> {
 
 impl<'c> Counted<'c> {
     const fn new(left: &'c Cell<u32>) -> Self {
-        Self {
-            left,
-            delivered: 0,
-            missed: 0,
-            self_test_result: None,
-        }
+        Self { left, delivered: 0, missed: 0, self_test_result: None }
     }
 }
 
@@ -50,11 +45,7 @@ impl Converter for Counted<'_> {
         self.left.update(|left| left - 1);
         self.delivered += 1;
         sample.counts[0] = i32::try_from(self.delivered).expect("few");
-        Conversion {
-            drdy_us: 1_953 * self.delivered,
-            missed: self.missed,
-            ..Conversion::default()
-        }
+        Conversion { drdy_us: 1_953 * self.delivered, missed: self.missed, ..Conversion::default() }
     }
 
     fn self_test_result(&self) -> Option<SelfTest> {
@@ -70,18 +61,11 @@ fn queue() -> (SampleSender, SampleReceiver) {
 }
 
 fn shared() -> &'static Shared {
-    Box::leak(Box::new(Shared::new(Clock {
-        now: || 0,
-        hz: 1_000_000,
-    })))
+    Box::leak(Box::new(Shared::new(Clock { now: || 0, hz: 1_000_000 })))
 }
 
 fn start(number: u32) -> Order {
-    Order::Start(Run {
-        number,
-        mains: Mains::Hz50,
-        streams: Streams::CODES,
-    })
+    Order::Start(Run { number, mains: Mains::Hz50, streams: Streams::CODES })
 }
 
 /// A queued sample: number of the run if the sample starts one, index of the sample, and whether an
@@ -130,13 +114,8 @@ fn samples_are_queued_from_start_to_stop_and_each_run_counts_from_0() {
     let left = Cell::new(0);
     let shared = shared();
     let converter = Counted::new(&left);
-    let acts = [
-        (None, 2),
-        (Some(start(1)), 2),
-        (None, 1),
-        (Some(start(2)), 1),
-        (Some(Order::Stop), 3),
-    ];
+    let acts =
+        [(None, 2), (Some(start(1)), 2), (None, 1), (Some(start(2)), 1), (Some(Order::Stop), 3)];
     assert_eq!(
         handed_over(shared, converter, &left, &acts, |_| true),
         [
@@ -169,10 +148,7 @@ fn samples_that_find_the_queue_full_are_counted_and_marked_and_the_start_of_a_ru
 fn samples_that_the_converter_missed_are_counted_during_a_run() {
     let left = Cell::new(0);
     let shared = shared();
-    let converter = Counted {
-        missed: 2,
-        ..Counted::new(&left)
-    };
+    let converter = Counted { missed: 2, ..Counted::new(&left) };
     let acts = [(None, 5), (Some(start(1)), 1)];
     let found = handed_over(shared, converter, &left, &acts, |_| true);
     assert_eq!(found[1], [(Some(1), 0, true)]);
@@ -184,10 +160,7 @@ fn a_self_test_ends_the_run_and_one_without_a_result_reports_a_fault() {
     for result in [Some(SelfTest::default()), None] {
         let left = Cell::new(0);
         let shared = shared();
-        let converter = Counted {
-            self_test_result: result.clone(),
-            ..Counted::new(&left)
-        };
+        let converter = Counted { self_test_result: result.clone(), ..Counted::new(&left) };
         let acts = [(Some(start(1)), 1), (Some(Order::SelfTest), 2)];
         let found = handed_over(shared, converter, &left, &acts, |_| true);
         assert_eq!(found[1], []);

@@ -59,18 +59,12 @@ impl Write for Host {
 fn queue() -> (OutputSender, OutputReceiver) {
     let slots = Box::leak(Box::new([OutputSlot::EMPTY; 2]));
     let bulk = Box::leak(Box::new([BulkSlot::empty()]));
-    output_queue(
-        Box::leak(Box::new(Channel::new(slots))),
-        Box::leak(Box::new(Channel::new(bulk))),
-    )
+    output_queue(Box::leak(Box::new(Channel::new(slots))), Box::leak(Box::new(Channel::new(bulk))))
 }
 
 #[test]
 fn the_answer_to_a_stop_counts_the_outputs_that_the_encoder_could_not_queue() {
-    let shared = Shared::new(Clock {
-        now: || 0,
-        hz: 1_000_000,
-    });
+    let shared = Shared::new(Clock { now: || 0, hz: 1_000_000 });
     let host = Host::default();
     let identity = Identity {
         firmware: "",
@@ -82,27 +76,12 @@ fn the_answer_to_a_stop_counts_the_outputs_that_the_encoder_could_not_queue() {
     };
     let mut session = Session::new(identity, Abilities::CODES, Mains::Hz50);
     let mut frames: Box<Frames> = Box::new(Sender::new(FrameRing::new()));
-    let port = Port {
-        input: host.clone(),
-        output: host.clone(),
-    };
-    let machine = Machine {
-        stack: None,
-        restart: |_| panic!("the host sends no reset command"),
-    };
-    let start = Start {
-        streams: Streams::CODES,
-        mains_hz: 50,
-    };
+    let port = Port { input: host.clone(), output: host.clone() };
+    let machine = Machine { stack: None, restart: |_| panic!("the host sends no reset command") };
+    let start = Start { streams: Streams::CODES, mains_hz: 50 };
     let (_sender, outputs) = queue();
-    let mut task = pin!(converse(
-        port,
-        &mut session,
-        Some(start),
-        (&mut frames, outputs),
-        &shared,
-        machine
-    ));
+    let mut task =
+        pin!(converse(port, &mut session, Some(start), (&mut frames, outputs), &shared, machine));
     let mut context = Context::from_waker(Waker::noop());
     assert!(task.as_mut().poll(&mut context).is_pending());
     shared.outputs_lost.store(3, Relaxed);

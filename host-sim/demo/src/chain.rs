@@ -58,13 +58,7 @@ pub(crate) async fn run(
     // The bridge starts first and waits for the board's port to appear, so that the subscriber is
     // linked before the board makes its first code.
     let port = folder.join("board").to_string_lossy().into_owned();
-    let arguments = [
-        "--port",
-        &port,
-        "--ros-master-uri",
-        master.uri(),
-        "--config=/dev/null",
-    ];
+    let arguments = ["--port", &port, "--ros-master-uri", master.uri(), "--config=/dev/null"];
     let mut bridge = Program::start(&programs.join(BRIDGE), &arguments, folder, None)?;
     bar.set_message("waiting for the bridge to announce its topics");
     listener.wait_for_links(&mut bridge).await?;

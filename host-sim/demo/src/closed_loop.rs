@@ -169,9 +169,7 @@ impl Outcome {
     /// Returns the numbers of trials with the right decision, and with any decision.
     pub fn right_and_decided(&self) -> [usize; 2] {
         let decided = self.trials.iter().filter(|trial| trial.decision.is_some());
-        let right = decided
-            .clone()
-            .filter(|trial| trial.decision == Some(trial.class));
+        let right = decided.clone().filter(|trial| trial.decision == Some(trial.class));
         [right.count(), decided.count()]
     }
 
@@ -204,18 +202,8 @@ fn ratio(part: usize, all: usize) -> f64 {
 
 impl fmt::Display for Outcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            classifier,
-            recording,
-            hops,
-            equal,
-            ..
-        } = self;
-        let classes = classifier
-            .decision
-            .classes
-            .iter()
-            .map(|class| class.event.as_str());
+        let Self { classifier, recording, hops, equal, .. } = self;
+        let classes = classifier.decision.classes.iter().map(|class| class.event.as_str());
         let [low, high] = classifier.band.hz;
         writeln!(
             f,
@@ -233,10 +221,7 @@ impl fmt::Display for Outcome {
             100.0 * self.chance(),
             self.trials.len() - decided
         )?;
-        writeln!(
-            f,
-            "predictions: {equal} of {hops} equal those of the integers offline"
-        )?;
+        writeln!(f, "predictions: {equal} of {hops} equal those of the integers offline")?;
         if self.is_fast {
             return writeln!(f, "played as fast as possible, so there are no latencies");
         }

@@ -60,12 +60,7 @@ impl Comparison {
                 sums.add(*source, *result);
             }
         }
-        Ok(Self {
-            first_step,
-            prd_percent: sums.prd_percent(),
-            source_uv,
-            result_uv,
-        })
+        Ok(Self { first_step, prd_percent: sums.prd_percent(), source_uv, result_uv })
     }
 }
 
@@ -79,10 +74,7 @@ impl fmt::Display for Comparison {
         }
         let [start, end] = [self.first_step, self.first_step + steps].map(seconds);
         let prd = self.prd_percent;
-        write!(
-            f,
-            "PRD {prd:.1} % over {ELECTRODES} electrodes, {start:.1} to {end:.1} s"
-        )
+        write!(f, "PRD {prd:.1} % over {ELECTRODES} electrodes, {start:.1} to {end:.1} s")
     }
 }
 

@@ -33,11 +33,7 @@ use crate::comparison::Comparison;
 pub fn demo(seconds: u32, seed: u64, programs: &Path) -> Result<(), Failure> {
     if !model::HAS_NETWORK {
         let why = "the built-in model has the packed code alone, and the demo shows codes";
-        return Err(Failure::missing(
-            "a network",
-            why,
-            "unset CORTICODE_ARTIFACT",
-        ));
+        return Err(Failure::missing("a network", why, "unset CORTICODE_ARTIFACT"));
     }
     require(programs, &[BOARD, BRIDGE], "cargo demo")?;
     let pictures = programs.with_file_name("demo");
@@ -71,10 +67,8 @@ fn in_a_folder<T>(what: impl AsyncFnOnce(&Path) -> Result<T, Failure>) -> Result
         let next = "is the disk full? is TMPDIR writable?";
         Failure::check("making a temporary folder", error, next)
     })?;
-    let runtime = tokio::runtime::Builder::new_multi_thread()
-        .worker_threads(2)
-        .enable_all()
-        .build();
+    let runtime =
+        tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build();
     let next = "look for a limit on processes: `ulimit -u`";
     let runtime = runtime.map_err(|error| Failure::check("starting threads", error, next))?;
     runtime.block_on(async {
@@ -126,9 +120,6 @@ impl Failure {
 
     pub(crate) fn interrupted() -> Self {
         let message = "interrupted; everything that was started is stopped".to_owned();
-        Self {
-            status: 130,
-            message,
-        }
+        Self { status: 130, message }
     }
 }

@@ -15,26 +15,15 @@ fn main() -> ExitCode {
     let program = std::env::current_exe().unwrap_or_default();
     let programs = program.parent().unwrap_or(Path::new("."));
     // An argument that is not UTF-8, which only a path may be, becomes an empty text here.
-    let texts: Vec<&str> = words
-        .iter()
-        .map(|word| word.to_str().unwrap_or_default())
-        .collect();
+    let texts: Vec<&str> = words.iter().map(|word| word.to_str().unwrap_or_default()).collect();
     let ended = match &texts[..] {
-        [
-            "loop",
-            mains @ ("50" | "60"),
-            seed,
-            pace @ ("realtime" | "fast"),
-            own @ ..,
-        ] if [0, 2].contains(&own.len()) => {
+        ["loop", mains @ ("50" | "60"), seed, pace @ ("realtime" | "fast"), own @ ..]
+            if [0, 2].contains(&own.len()) =>
+        {
             let own = <&[OsString; 2]>::try_from(&words[4..]).ok();
             let options = seed.parse().map(|seed| Options {
                 own: own.map(|own| own.each_ref().map(PathBuf::from)),
-                mains: if *mains == "60" {
-                    Mains::Hz60
-                } else {
-                    Mains::Hz50
-                },
+                mains: if *mains == "60" { Mains::Hz60 } else { Mains::Hz50 },
                 seed,
                 fast: *pace == "fast",
             });
@@ -67,10 +56,7 @@ fn run_loop(options: &Options, programs: &Path) -> Result<(), Failure> {
     let folder = programs.with_file_name("loop");
     let outcome = closed_loop::run(options, programs, Some(&folder))?;
     let next = "make room on the disk and run it again";
-    new_file::print(format_args!(
-        "{outcome}picture: {}/loop.svg\n",
-        folder.display()
-    ))
-    .map_err(|error| Failure::check("printing", error, next))?;
+    new_file::print(format_args!("{outcome}picture: {}/loop.svg\n", folder.display()))
+        .map_err(|error| Failure::check("printing", error, next))?;
     outcome.check()
 }

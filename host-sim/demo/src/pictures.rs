@@ -114,10 +114,7 @@ fn intervals(run: &Run) -> Intervals {
             name: "arrival at the subscriber".to_owned(),
             ms: run.arrival_intervals_ms(),
         },
-        source: Series {
-            name: "device stamps".to_owned(),
-            ms: run.device_intervals_ms(),
-        },
+        source: Series { name: "device stamps".to_owned(), ms: run.device_intervals_ms() },
         rival: None,
         subtitle: format!(
             "{} codes through PTY, bridge and TCPROS, all on this machine; the stamps are the device's own clock",

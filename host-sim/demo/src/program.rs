@@ -83,10 +83,7 @@ impl Program {
     /// states what did not happen, such as "no code came".
     pub(crate) fn timed_out(&self, what: &str, after: Duration) -> Failure {
         let (name, log) = (&self.name, self.log());
-        let why = format!(
-            "{what} within {} s; {name} printed:\n{log}",
-            after.as_secs_f64()
-        );
+        let why = format!("{what} within {} s; {name} printed:\n{log}", after.as_secs_f64());
         let next = "is the machine very busy? run it again";
         Failure::unreachable("the path", why, next)
     }

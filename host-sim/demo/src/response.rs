@@ -36,10 +36,7 @@ pub struct Response {
 impl Response {
     /// Measures the responses of the filters and of `twin` to an impulse.
     pub fn measure(twin: &Twin) -> Self {
-        Self {
-            filters: ImpulseResponse::from_filters(),
-            twin: ImpulseResponse::from_twin(twin),
-        }
+        Self { filters: ImpulseResponse::from_filters(), twin: ImpulseResponse::from_twin(twin) }
     }
 
     /// Returns the chart of the magnitude of filters and twin in dB over the frequency in Hz.
@@ -67,9 +64,8 @@ impl Response {
     /// of the twin at this frequency in dB.
     fn compare(&self, [first, last]: [f64; 2]) -> Vec<[f64; 3]> {
         let parts = (0..=POINTS).map(|point| f64::from(point) / f64::from(POINTS));
-        let mut frequencies: Vec<f64> = parts
-            .map(|part| first * (last / first).powf(part))
-            .collect();
+        let mut frequencies: Vec<f64> =
+            parts.map(|part| first * (last / first).powf(part)).collect();
         // Add closely spaced points around the notch, where the curve is steep.
         frequencies.extend((-10..=10).map(|point| MAINS_HZ + 0.04 * f64::from(point)));
         frequencies.sort_by(f64::total_cmp);
@@ -110,12 +106,7 @@ fn marks([low, high]: [f64; 2]) -> [Series; 2] {
     let label = format!("pass band, {from} to {to} Hz");
     [
         Series::new(label, INK, Mark::ThinLine, band),
-        Series::new(
-            format!("mains, {MAINS_HZ} Hz"),
-            FAINT,
-            Mark::ThinLine,
-            mains,
-        ),
+        Series::new(format!("mains, {MAINS_HZ} Hz"), FAINT, Mark::ThinLine, mains),
     ]
 }
 
@@ -158,11 +149,7 @@ impl ImpulseResponse {
     fn magnitude_db(&self, hz: f64) -> f64 {
         let z = Complex64::from_polar(1.0, -2.0 * PI * hz / f64::from(model::ADC_RATE_HZ));
         // The sum of h[n] z^n, with the impulse response h, by Horner's rule.
-        let response = self
-            .0
-            .iter()
-            .rev()
-            .fold(Complex64::ZERO, |sum, h| sum * z + h);
+        let response = self.0.iter().rev().fold(Complex64::ZERO, |sum, h| sum * z + h);
         10.0 * response.norm_sqr().log10()
     }
 }
@@ -190,21 +177,13 @@ impl Twin {
         let notches = (1..=filters.harmonics + 1).map(|multiple| {
             let notch = notch(MAINS_HZ * f64::from(multiple), filters.notch_q, rate_hz);
             let cosine = notch.gain * notch.cosine;
-            [
-                notch.gain,
-                cosine,
-                notch.gain,
-                cosine,
-                2.0 * notch.gain - 1.0,
-            ]
+            [notch.gain, cosine, notch.gain, cosine, 2.0 * notch.gain - 1.0]
         });
         let [low, high] = filters.band_hz;
         let order = usize::try_from(filters.order).unwrap_or(usize::MAX);
         let band_pass = butterworth_band_pass(order, low, high, rate_hz);
-        let (real, complex): (Vec<Complex64>, Vec<Complex64>) = band_pass
-            .poles
-            .iter()
-            .partition(|pole| pole.im.abs() < 1e-9);
+        let (real, complex): (Vec<Complex64>, Vec<Complex64>) =
+            band_pass.poles.iter().partition(|pole| pole.im.abs() < 1e-9);
         let above = complex.into_iter().filter(|pole| pole.im > 0.0);
         let pairs = above.map(|pole| [pole, pole.conj()]);
         // Each pair of poles gets one zero at DC and one at the Nyquist frequency.
@@ -214,10 +193,7 @@ impl Twin {
         for b in &mut sections[0][..3] {
             *b *= band_pass.gain;
         }
-        Self {
-            states: vec![[0.0; 4]; sections.len()],
-            sections,
-        }
+        Self { states: vec![[0.0; 4]; sections.len()], sections }
     }
 
     /// Filters one sample: advances the states and returns the output.
@@ -253,9 +229,7 @@ mod tests {
         // The largest difference measured is 0.003 dB, at a magnitude near -40 dB.
         let difference = largest_difference(&magnitude);
         assert!(difference < 0.01, "{difference} dB");
-        let notch = magnitude
-            .iter()
-            .find(|[hz, ..]| (hz - MAINS_HZ).abs() < 1e-9);
+        let notch = magnitude.iter().find(|[hz, ..]| (hz - MAINS_HZ).abs() < 1e-9);
         assert!(notch.is_some_and(|[_, db, _]| *db < -60.0), "{notch:?}");
     }
 

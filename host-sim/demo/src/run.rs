@@ -71,10 +71,7 @@ impl Run {
     /// Returns the times between the arrivals of successive messages on `/encoded`, fillers
     /// included, ms.
     pub(crate) fn arrival_intervals_ms(&self) -> Vec<f64> {
-        let intervals = self
-            .codes
-            .windows(2)
-            .map(|pair| pair[1].arrival - pair[0].arrival);
+        let intervals = self.codes.windows(2).map(|pair| pair[1].arrival - pair[0].arrival);
         intervals.map(milliseconds).collect()
     }
 
@@ -119,9 +116,6 @@ mod tests {
         assert_eq!([run.received(), run.lost()], [2, 2]);
         assert_eq!(run.codes[0].window(), 0x1_0007);
         let intervals = run.device_intervals_ms();
-        assert!(
-            intervals.len() == 1 && (intervals[0] - 62.536).abs() < 1e-9,
-            "{intervals:?}"
-        );
+        assert!(intervals.len() == 1 && (intervals[0] - 62.536).abs() < 1e-9, "{intervals:?}");
     }
 }

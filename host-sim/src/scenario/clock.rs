@@ -17,11 +17,7 @@ pub(super) struct BoardClock {
 
 impl BoardClock {
     pub(super) fn new(table: ClockTable) -> Self {
-        Self {
-            table,
-            host_us: 0.0,
-            device_us: 0.0,
-        }
+        Self { table, host_us: 0.0, device_us: 0.0 }
     }
 
     /// Returns host microseconds per microsecond of the board's clock at the newest sample.

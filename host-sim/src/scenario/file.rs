@@ -62,11 +62,7 @@ pub(super) struct SourceTable {
 
 impl Default for SourceTable {
     fn default() -> Self {
-        Self {
-            recording: None,
-            seed: 1,
-            rails: false,
-        }
+        Self { recording: None, seed: 1, rails: false }
     }
 }
 
@@ -129,12 +125,7 @@ pub(super) struct LineTable {
 
 impl Default for LineTable {
     fn default() -> Self {
-        Self {
-            kind: LineKind::Usb,
-            bytes_per_s: None,
-            delay_ms: 0.2,
-            jitter_ms: 2.0,
-        }
+        Self { kind: LineKind::Usb, bytes_per_s: None, delay_ms: 0.2, jitter_ms: 2.0 }
     }
 }
 
@@ -470,11 +461,7 @@ fn not_negative<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
 }
 
 fn rate<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
-    number(
-        from,
-        |rate| (0.0..1.0).contains(&rate),
-        "a rate from 0 to below 1",
-    )
+    number(from, |rate| (0.0..1.0).contains(&rate), "a rate from 0 to below 1")
 }
 
 fn trigger<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Trigger>, D::Error> {
@@ -484,9 +471,7 @@ fn trigger<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Trigger>, D::Err
 }
 
 fn choice<'de, D: Deserializer<'de>, T: Choice>(from: D) -> Result<Option<T>, D::Error> {
-    named::<T>(&String::deserialize(from)?)
-        .map(Some)
-        .map_err(D::Error::custom)
+    named::<T>(&String::deserialize(from)?).map(Some).map_err(D::Error::custom)
 }
 
 /// Returns the choice with this name, or an error that lists all names.

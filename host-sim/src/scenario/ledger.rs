@@ -55,10 +55,7 @@ impl Ledger {
             topics: TopicKind::ALL.map(TopicKind::topic),
             commands: Vec::new(),
             frame: None,
-            now: HostTime {
-                monotonic_us: 0,
-                wall_ns,
-            },
+            now: HostTime { monotonic_us: 0, wall_ns },
             wall_ns,
             settled_us: settle_s * 1e6,
             settle_us: settle_s * 1e6,
@@ -76,10 +73,7 @@ impl Ledger {
     /// Returns the host's clocks at the host time `us`.
     #[expect(clippy::cast_possible_truncation, reason = "below 2^63 us")]
     pub(super) fn host_time(&self, us: f64) -> HostTime {
-        HostTime {
-            monotonic_us: us as i64,
-            wall_ns: self.wall_ns + (us * 1e3) as i64,
-        }
+        HostTime { monotonic_us: us as i64, wall_ns: self.wall_ns + (us * 1e3) as i64 }
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
@@ -115,9 +109,7 @@ impl Ledger {
     /// Returns a sentence about a fault after which no row was published, if there is one.
     pub(super) fn not_recovered(&self) -> Option<String> {
         let end_s = self.recovering.first()? / 1e6;
-        Some(format!(
-            "nothing was published after the fault that ended at {end_s:.3} s"
-        ))
+        Some(format!("nothing was published after the fault that ended at {end_s:.3} s"))
     }
 
     /// Records which frame the core handles next, and when its bytes were read.
@@ -161,10 +153,7 @@ impl Ledger {
     fn publish(&mut self, kind: TopicKind, stamp: Stamp, rows: Vec<(u16, Option<Values>)>) {
         let (now_us, number) = (self.now_us(), kind as usize);
         if stamp.nanoseconds() <= self.stamps[number] {
-            let what = format!(
-                "at {:.3} s a stamp is not later than the one before",
-                now_us / 1e6
-            );
+            let what = format!("at {:.3} s a stamp is not later than the one before", now_us / 1e6);
             self.topics[number].report_wrong(what);
         }
         self.stamps[number] = stamp.nanoseconds();
@@ -220,14 +209,8 @@ impl Effects for Ledger {
     }
 
     fn decode_block(&mut self, block: TimedPackedBlock) {
-        let values = block
-            .block
-            .map(|block| Values::Packed(block.bytes, block.rate));
-        self.publish(
-            TopicKind::Packed,
-            block.stamp,
-            vec![(block.words.flags, values)],
-        );
+        let values = block.block.map(|block| Values::Packed(block.bytes, block.rate));
+        self.publish(TopicKind::Packed, block.stamp, vec![(block.words.flags, values)]);
     }
 
     fn publish_raw(&mut self, frame: &NeuroFrame) {

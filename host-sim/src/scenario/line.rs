@@ -288,10 +288,7 @@ impl CommandLine {
     }
 
     pub(super) fn receive(&mut self) -> Vec<u8> {
-        self.sent
-            .pop_front()
-            .map(|(_, bytes)| bytes)
-            .unwrap_or_default()
+        self.sent.pop_front().map(|(_, bytes)| bytes).unwrap_or_default()
     }
 
     /// Discards the commands on the way.

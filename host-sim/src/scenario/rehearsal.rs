@@ -89,10 +89,7 @@ pub fn rehearse(
     Ok(rehearsal.report())
 }
 
-#[expect(
-    clippy::struct_excessive_bools,
-    reason = "independent states of board, port and line"
-)]
+#[expect(clippy::struct_excessive_bools, reason = "independent states of board, port and line")]
 struct Rehearsal<'s> {
     scenario: &'s Scenario,
     signal: Signal,
@@ -163,11 +160,7 @@ impl<'s> Rehearsal<'s> {
             packed_rate,
             ..Settings::default()
         };
-        let identity = Identity {
-            session_id: 1,
-            chip_uid: *b"\0scenario\0\0\0",
-            substitutes,
-        };
+        let identity = Identity { session_id: 1, chip_uid: *b"\0scenario\0\0\0", substitutes };
         let outbox = Outbox::new(WhenFull::DropOldest);
         let faults = Faults::new(&scenario.converters)?;
         let board = VirtualBoard::with_faults(identity, Mains::Hz50, faults, outbox.clone());
@@ -226,12 +219,10 @@ impl<'s> Rehearsal<'s> {
             return Ok(());
         }
         let before = self.board.stats().samples;
-        self.board
-            .process_sample(&sample, self.clock.device_us(sample_us));
+        self.board.process_sample(&sample, self.clock.device_us(sample_us));
         if self.board.stats().samples != before {
             let counts = self.board.converters().sampler().counts().as_flattened();
-            self.truth
-                .record_sample(counts[..model::CHANNELS].iter().copied());
+            self.truth.record_sample(counts[..model::CHANNELS].iter().copied());
         }
         self.queue_frames(sample_us);
         Ok(())
@@ -274,10 +265,7 @@ impl<'s> Rehearsal<'s> {
             (self.other_us, Next::OtherProgram),
             (when(self.has_hung_up, running(0.0)), Next::Hangup),
             (when(!self.is_open, running(self.open_us)), Next::Open),
-            (
-                when(self.is_open && !self.has_hung_up, running(read_us)),
-                Next::Read,
-            ),
+            (when(self.is_open && !self.has_hung_up, running(read_us)), Next::Read),
             (running(self.tick_us), Next::Tick),
         ];
         let mut first = candidates[0];
@@ -349,8 +337,7 @@ impl<'s> Rehearsal<'s> {
         let now = self.ledger.host_time(now_us);
         for part in bytes.split_inclusive(|byte| *byte == 0) {
             let ends = part.last() == Some(&0);
-            self.segment
-                .extend_from_slice(&part[..part.len() - usize::from(ends)]);
+            self.segment.extend_from_slice(&part[..part.len() - usize::from(ends)]);
             let mut frame = None;
             if ends && !self.segment.is_empty() {
                 match self.truth.identify(&self.segment) {
@@ -418,12 +405,7 @@ impl<'s> Rehearsal<'s> {
         let Some((change, fault)) = self.schedule.take() else {
             return;
         };
-        let Change {
-            begins,
-            fault: number,
-            occurrence,
-            ..
-        } = change;
+        let Change { begins, fault: number, occurrence, .. } = change;
         let for_us = fault.for_s * 1e6;
         let effect = match (fault.kind, begins) {
             (FaultKind::Unplug, true) => {
@@ -435,10 +417,8 @@ impl<'s> Rehearsal<'s> {
             (FaultKind::Unplug, false) => {
                 self.is_unplugged = false;
                 self.is_findable &= !fault.renumbered || self.scenario.host.port_auto;
-                self.line.set_up(
-                    self.is_powered || self.scenario.line.kind != LineKind::Usb,
-                    now_us,
-                );
+                self.line
+                    .set_up(self.is_powered || self.scenario.line.kind != LineKind::Usb, now_us);
                 false
             }
             (FaultKind::Stall, true) => {
@@ -473,8 +453,7 @@ impl<'s> Rehearsal<'s> {
                 !begins && f64::from(commands.wrapping_sub(before)) > expected
             }
             (FaultKind::WallClock, true) => {
-                self.ledger
-                    .step_wall_clock(fault.step_s.unwrap_or_default(), now_us);
+                self.ledger.step_wall_clock(fault.step_s.unwrap_or_default(), now_us);
                 true
             }
             _ => false,

@@ -95,11 +95,7 @@ impl Errors {
         let (Some(p99), Some(max)) = (sizes.get(sizes.len() * 99 / 100), sizes.last()) else {
             return Self::default();
         };
-        Self {
-            p99_ms: rounded(p99.0 / 1e3),
-            max_ms: rounded(max.0 / 1e3),
-            at_s: max.1 / 1e6,
-        }
+        Self { p99_ms: rounded(p99.0 / 1e3), max_ms: rounded(max.0 / 1e3), at_s: max.1 / 1e6 }
     }
 }
 
@@ -155,60 +151,23 @@ impl Report {
         let mut exceeded = Vec::new();
         let mut limit = |key: &str, figure: f64, limit: f64, at_s: f64| {
             let at = |at_s: f64| format!(" at {at_s:.3} s");
-            let at = Some(at_s)
-                .filter(|at_s| *at_s > 0.0)
-                .map(at)
-                .unwrap_or_default();
+            let at = Some(at_s).filter(|at_s| *at_s > 0.0).map(at).unwrap_or_default();
             let text = || format!("{figure:.4}{at} exceeds limits.{key} = {limit}");
             exceeded.extend((figure > limit).then(text));
         };
-        limit(
-            "stamp_p99_ms",
-            settled.p99_ms,
-            limits.stamp_p99_ms,
-            settled.at_s,
-        );
-        limit(
-            "stamp_max_ms",
-            settled.max_ms,
-            limits.stamp_max_ms,
-            settled.at_s,
-        );
+        limit("stamp_p99_ms", settled.p99_ms, limits.stamp_p99_ms, settled.at_s);
+        limit("stamp_max_ms", settled.max_ms, limits.stamp_max_ms, settled.at_s);
         let most = limits.unsettled_max_ms;
         limit("unsettled_max_ms", unsettled.max_ms, most, unsettled.at_s);
-        limit(
-            "unsettled_max_ms",
-            early_events.max_ms,
-            most,
-            early_events.at_s,
-        );
-        limit(
-            "event_max_ms",
-            events.max_ms,
-            limits.event_max_ms,
-            events.at_s,
-        );
-        limit(
-            "lost_events",
-            count(lost_edges),
-            count(limits.lost_events),
-            0.0,
-        );
+        limit("unsettled_max_ms", early_events.max_ms, most, early_events.at_s);
+        limit("event_max_ms", events.max_ms, limits.event_max_ms, events.at_s);
+        limit("lost_events", count(lost_edges), count(limits.lost_events), 0.0);
         limit("fillers", shares.fold(0.0, f64::max), limits.fillers, 0.0);
-        limit(
-            "recovery_s",
-            recovery_us / 1e6,
-            limits.recovery_s,
-            recovered_us / 1e6,
-        );
+        limit("recovery_s", recovery_us / 1e6, limits.recovery_s, recovered_us / 1e6);
         limit("gap_error_ms", gap_us / 1e3, limits.gap_error_ms, 0.0);
         report.failures = unrehearsed(scenario, schedule, facts);
-        report
-            .failures
-            .extend(topics.iter().filter_map(|topic| topic.failure()));
-        report
-            .failures
-            .extend(unequal(summary, ledger, &topics, truth, facts));
+        report.failures.extend(topics.iter().filter_map(|topic| topic.failure()));
+        report.failures.extend(unequal(summary, ledger, &topics, truth, facts));
         report.failures.extend(exceeded);
         report.failures.extend(ledger.not_recovered());
         if report.topics.iter().all(|topic| topic.published == 0) {
@@ -265,24 +224,12 @@ fn unequal(
     let wire = &summary.wire;
     let damaged = wire.crc + wire.cobs + wire.oversize + wire.malformed;
     let damaged = damaged + wire.version + wire.unknown;
-    compare(
-        "frames received",
-        wire.frames.into(),
-        facts.arrived + facts.repeated,
-    );
+    compare("frames received", wire.frames.into(), facts.arrived + facts.repeated);
     compare("frames damaged", damaged.into(), facts.damaged);
     let dropped = ledger.shown(": device", "device: frames dropped");
-    compare(
-        "frames dropped by the board",
-        dropped,
-        facts.dropped_by_board,
-    );
+    compare("frames dropped by the board", dropped, facts.dropped_by_board);
     compare("events that the board did not send", ledger.wrong_edges, 0);
-    compare(
-        "confirmations that the board stopped",
-        facts.is_stopped.into(),
-        1,
-    );
+    compare("confirmations that the board stopped", facts.is_stopped.into(), 1);
     if truth.edges > 0 {
         let received = ledger.shown(": loss", "events received");
         compare("events received", received, ledger.edges);
@@ -291,10 +238,7 @@ fn unequal(
         let (name, rows, packed) = (topic.name, topic.counts(), summary.packed);
         let (status, core) = match name {
             "codes" => (": loss", [summary.received, summary.lost, summary.fillers]),
-            "packed blocks" => (
-                ": packed code",
-                [packed.received, packed.lost, packed.fillers],
-            ),
+            "packed blocks" => (": packed code", [packed.received, packed.lost, packed.fillers]),
             _ => {
                 let shown = |what: &str| ledger.shown(": loss", &format!("{name} {what}"));
                 let made = shown("received") + shown("lost") + shown("missing between runs");
@@ -312,11 +256,7 @@ fn unequal(
         }
         // The report that a board sends when it stops states only the number of codes.
         if name == "codes" {
-            compare(
-                "codes made at the end and not counted",
-                topic.unknown()[1],
-                0,
-            );
+            compare("codes made at the end and not counted", topic.unknown()[1], 0);
         }
     }
     unequal
@@ -328,17 +268,8 @@ impl fmt::Display for Report {
         let verdict = if self.passed() { "PASS" } else { "FAIL" };
         write!(formatter, "{verdict} {}: {} s", self.name, self.seconds)?;
         for topic in &self.topics {
-            let TopicCounts {
-                rows,
-                published,
-                wrong,
-                fillers,
-                ..
-            } = topic;
-            write!(
-                formatter,
-                ", {published} {rows}, {wrong} wrong, {fillers} fillers"
-            )?;
+            let TopicCounts { rows, published, wrong, fillers, .. } = topic;
+            write!(formatter, ", {published} {rows}, {wrong} wrong, {fillers} fillers")?;
         }
         write!(
             formatter,

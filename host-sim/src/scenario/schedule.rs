@@ -27,11 +27,7 @@ const LEAST_REST_S: f64 = 5.0;
 
 impl Schedule {
     pub(super) fn new(scenario: &Scenario) -> Self {
-        let faults: Vec<_> = scenario
-            .faults
-            .iter()
-            .map(|f| f.get_ref().clone())
-            .collect();
+        let faults: Vec<_> = scenario.faults.iter().map(|f| f.get_ref().clone()).collect();
         let mut changes = Vec::new();
         for (number, fault) in faults.iter().enumerate() {
             for occurrence in 0.. {
@@ -53,11 +49,7 @@ impl Schedule {
             }
         }
         changes.sort_by(|one, other| one.at_us.total_cmp(&other.at_us));
-        Self {
-            effects: vec![0; faults.len()],
-            faults,
-            changes: changes.into_iter(),
-        }
+        Self { effects: vec![0; faults.len()], faults, changes: changes.into_iter() }
     }
 
     /// Returns the time of the next change, microseconds; infinite after the last one.

@@ -161,11 +161,7 @@ impl Topic {
             rows: self.name,
             made: self.made.iter().sum(),
             published: self.published,
-            lost: self
-                .known
-                .iter()
-                .sum::<u64>()
-                .saturating_sub(self.published),
+            lost: self.known.iter().sum::<u64>().saturating_sub(self.published),
             interrupted: self.unknown()[0],
             fillers: self.fillers,
             wrong: self.wrong,
@@ -176,19 +172,13 @@ impl Topic {
     pub(super) fn failure(&self) -> Option<String> {
         let (first, wrong, name) = (self.first_wrong.as_ref()?, self.wrong, self.name);
         let remedy = "look at host/bridge-core/src/streams";
-        Some(format!(
-            "{wrong} errors in {name}; the first: {first}; {remedy}"
-        ))
+        Some(format!("{wrong} errors in {name}; the first: {first}; {remedy}"))
     }
 
     /// Returns the number of rows at the ends of runs that the host cannot know of: first the sum
     /// over all interrupted runs, then the number for the newest run.
     pub(super) fn unknown(&self) -> [u64; 2] {
-        let unknown = self
-            .made
-            .iter()
-            .zip(&self.known)
-            .map(|(made, known)| made - known);
+        let unknown = self.made.iter().zip(&self.known).map(|(made, known)| made - known);
         let newest = unknown.clone().next_back().unwrap_or_default();
         [unknown.sum::<u64>() - newest, newest]
     }

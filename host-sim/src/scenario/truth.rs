@@ -153,11 +153,7 @@ impl Truth {
             TopicKind::Raw => 0.0,
             _ => self.group_delay_us,
         };
-        Place {
-            run: run.unwrap_or(0),
-            index,
-            scalp_us: at_us - (before_us + delay_us) * rate,
-        }
+        Place { run: run.unwrap_or(0), index, scalp_us: at_us - (before_us + delay_us) * rate }
     }
 
     /// Records a frame that the board has just made, and returns it.
@@ -167,28 +163,18 @@ impl Truth {
     pub(super) fn record(&mut self, frame: &[u8], clock: &BoardClock) -> Rc<Made> {
         let mut decoder = std::mem::take(&mut self.decoder);
         let made = decoder.next::<ToHost>(&mut &*frame);
-        let decoded = made
-            .expect("the board makes whole frames")
-            .expect("valid ones");
+        let decoded = made.expect("the board makes whole frames").expect("valid ones");
         let at_us = clock.host_us_of(decoded.header.device_time_us);
         let content = self.content(&decoded.message, at_us, clock.converter_rate());
         self.decoder = decoder;
-        let made = Rc::new(Made {
-            body: frame[1..frame.len() - 1].to_vec(),
-            at_us,
-            content,
-        });
+        let made = Rc::new(Made { body: frame[1..frame.len() - 1].to_vec(), at_us, content });
         self.frames += 1;
         self.waiting.push_back(Rc::clone(&made));
         made
     }
 
     fn content(&mut self, message: &ToHost, at_us: f64, rate: f64) -> Content {
-        let row = |place, flags: Flags, values| Row {
-            place,
-            flags: flags.bits(),
-            values,
-        };
+        let row = |place, flags: Flags, values| Row { place, flags: flags.bits(), values };
         match message {
             ToHost::Capabilities(capabilities) => {
                 let zero_points = capabilities.code_zero_point.iter().copied();
@@ -230,20 +216,15 @@ impl Truth {
                 let width = usize::from(filtered.electrodes);
                 let uv = self.uv_per_count * 2_f64.powi(-i32::from(filtered.fraction_bits));
                 #[expect(clippy::cast_possible_truncation, reason = "within 187500 uV")]
-                let values: Vec<f32> = filtered
-                    .values()
-                    .map(|value| (f64::from(value) * uv) as f32)
-                    .collect();
+                let values: Vec<f32> =
+                    filtered.values().map(|value| (f64::from(value) * uv) as f32).collect();
                 let count = values.len() / width;
-                let rows = values
-                    .chunks_exact(width)
-                    .enumerate()
-                    .map(|(number, values)| {
-                        let index = filtered.first_step + number as u64;
-                        let before_us = time_us(count - 1 - number, STEP_US);
-                        let place = self.place(TopicKind::Filtered, index, at_us, before_us, rate);
-                        row(place, filtered.flags, Values::Numbers(values.to_vec()))
-                    });
+                let rows = values.chunks_exact(width).enumerate().map(|(number, values)| {
+                    let index = filtered.first_step + number as u64;
+                    let before_us = time_us(count - 1 - number, STEP_US);
+                    let place = self.place(TopicKind::Filtered, index, at_us, before_us, rate);
+                    row(place, filtered.flags, Values::Numbers(values.to_vec()))
+                });
                 let rows = rows.collect();
                 self.flags |= filtered.flags;
                 Content::Rows(TopicKind::Filtered, rows)
@@ -291,11 +272,7 @@ impl Truth {
 
     /// Identifies the bytes that the host has received between two zeros.
     pub(super) fn identify(&mut self, segment: &[u8]) -> Segment {
-        if self
-            .newest
-            .as_ref()
-            .is_some_and(|newest| newest.body == segment)
-        {
+        if self.newest.as_ref().is_some_and(|newest| newest.body == segment) {
             return Segment::Again;
         }
         let found = self.waiting.iter().position(|made| made.body == segment);

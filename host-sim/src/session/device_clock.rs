@@ -93,10 +93,7 @@ mod tests {
     fn samples_are_due_exactly_one_period_apart() {
         let mut clock = DeviceClock::new(Pace::Fast, 512, 0.0);
         let due: Vec<u64> = (0..513).map(|_| clock.next_drdy_us()).collect();
-        assert_eq!(
-            (due[0], due[1], due[32], due[512]),
-            (0, 1_953, 62_500, 1_000_000)
-        );
+        assert_eq!((due[0], due[1], due[32], due[512]), (0, 1_953, 62_500, 1_000_000));
         assert_eq!(clock.now_us(), 1_001_953);
     }
 

@@ -63,9 +63,8 @@ impl JsonLines {
         let mut decoder = std::mem::take(&mut self.decoder);
         let outcome = decoder.next::<ToHost<'_>>(&mut frame).transpose();
         let frame = outcome.map_err(io::Error::other)?;
-        let line = frame.map_or(Ok(None), |frame| {
-            self.message(frame.message, frame.header.device_time_us)
-        });
+        let line = frame
+            .map_or(Ok(None), |frame| self.message(frame.message, frame.header.device_time_us));
         self.decoder = decoder;
         line
     }
@@ -151,11 +150,7 @@ impl CodeFrames {
         frame.neuroheader.seq = frame.neuroheader.seq.wrapping_add(1);
         frame.header.seq = frame.neuroheader.seq;
         let scales = self.scale.iter().zip(&self.zero_point);
-        let values = frame
-            .eeg
-            .data
-            .iter_mut()
-            .zip(code.values.levels().zip(scales));
+        let values = frame.eeg.data.iter_mut().zip(code.values.levels().zip(scales));
         for (value, (level, (scale, zero_point))) in values {
             *value = dequantise(level, *scale, *zero_point);
         }
@@ -172,11 +167,7 @@ impl CodeFrames {
 }
 
 fn line(topic: &str, time_us: u64, message: &impl Serialize) -> io::Result<Option<Vec<u8>>> {
-    let line = JsonLine {
-        topic,
-        device_time_us: Some(time_us),
-        message,
-    };
+    let line = JsonLine { topic, device_time_us: Some(time_us), message };
     line.to_bytes().map(Some)
 }
 
@@ -190,18 +181,11 @@ mod tests {
     #[test]
     fn excluded_electrodes_have_labels_in_place_of_bits() {
         let labels = (0..64).map(|electrode| format!("E{electrode}"));
-        let mut lines = JsonLines {
-            labels: labels.collect(),
-            ..JsonLines::default()
-        };
+        let mut lines = JsonLines { labels: labels.collect(), ..JsonLines::default() };
         let report = ToHost::Exclusion(Exclusion {
             first_step: 640,
             excluded: 1 << 63 | 1 << 2,
-            policy: ExclusionPolicy {
-                always: 1 << 2,
-                never: 0,
-                automatic: true,
-            },
+            policy: ExclusionPolicy { always: 1 << 2, never: 0, automatic: true },
         });
         let line = lines.message(report, 5_000_000).expect("writable");
         let line = serde_json::from_slice::<serde_json::Value>(&line.expect("a line"));

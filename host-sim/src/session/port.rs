@@ -187,10 +187,7 @@ impl Port {
                 None
             }
             Output::File(path) | Output::JsonLines(path) => {
-                let create = |source| NewFileError::Create {
-                    path: path.clone(),
-                    source,
-                };
+                let create = |source| NewFileError::Create { path: path.clone(), source };
                 let handle = if output.is_stdout() {
                     let stdout = io::stdout().as_fd().try_clone_to_owned();
                     stdout.map(File::from).map_err(create)?
@@ -209,13 +206,7 @@ impl Port {
                 None
             }
         };
-        Ok(Self {
-            commands,
-            pty,
-            waiting_host,
-            file,
-            writer,
-        })
+        Ok(Self { commands, pty, waiting_host, file, writer })
     }
 
     /// Waits until the thread that writes a file has ended; the outbox must be drained and closed
@@ -310,9 +301,7 @@ fn open_pty(link: &Path) -> Result<(File, Pty), PortError> {
         let controller = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
         grantpt(&controller)?;
         unlockpt(&controller)?;
-        let name = ptsname(&controller, Vec::new())?
-            .to_string_lossy()
-            .into_owned();
+        let name = ptsname(&controller, Vec::new())?.to_string_lossy().into_owned();
         let terminal = rustix::fs::open(
             &name,
             rustix::fs::OFlags::RDWR | rustix::fs::OFlags::NOCTTY,
@@ -334,14 +323,7 @@ fn open_pty(link: &Path) -> Result<(File, Pty), PortError> {
     }
     let linked = std::os::unix::fs::symlink(&name, link);
     linked.map_err(|error| PortError::Link(link.to_owned(), error))?;
-    Ok((
-        File::from(controller),
-        Pty {
-            link: link.to_owned(),
-            name: name.into(),
-            terminal,
-        },
-    ))
+    Ok((File::from(controller), Pty { link: link.to_owned(), name: name.into(), terminal }))
 }
 
 fn to_file(mut file: File) -> impl FnMut(&[u8]) -> io::Result<()> {

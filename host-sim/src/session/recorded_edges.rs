@@ -44,10 +44,7 @@ impl RecordedEdges {
         let mut rises: Vec<u64> = Vec::new();
         for onset in &onsets.seconds {
             let rise = ((onset * 1e6).round() as u64).min(last_us);
-            if rises
-                .last()
-                .is_none_or(|last| rise - last >= SHORTEST_PERIOD_US)
-            {
+            if rises.last().is_none_or(|last| rise - last >= SHORTEST_PERIOD_US) {
                 rises.push(rise);
             }
         }
@@ -71,13 +68,8 @@ impl RecordedEdges {
     /// of the signal, rounded down. An edge at the sample itself can be a microsecond later,
     /// because its time is rounded to the nearest microsecond.
     pub(crate) fn take_due(&mut self, signal_us: u64) -> Option<DueEdge> {
-        let (at_us, kind) = self
-            .edges
-            .pop_front_if(|(at_us, _)| *at_us <= signal_us + 1)?;
-        Some(DueEdge {
-            kind,
-            early_us: signal_us.saturating_sub(at_us),
-        })
+        let (at_us, kind) = self.edges.pop_front_if(|(at_us, _)| *at_us <= signal_us + 1)?;
+        Some(DueEdge { kind, early_us: signal_us.saturating_sub(at_us) })
     }
 }
 
@@ -87,23 +79,14 @@ mod tests {
 
     #[test]
     fn each_event_has_a_pulse_that_ends_before_the_next_one() {
-        let onsets = Onsets {
-            seconds: vec![0.0, 1.0, 1.0, 1.001, 1.008],
-            outside: 0,
-            ..Onsets::default()
-        };
+        let onsets =
+            Onsets { seconds: vec![0.0, 1.0, 1.0, 1.001, 1.008], outside: 0, ..Onsets::default() };
         let mut edges = RecordedEdges::new(&onsets, 1_000);
         assert_eq!(edges.pulses(), 3);
-        assert_eq!(
-            edges.take_due(0).map(|edge| edge.kind),
-            Some(EventKind::TriggerRise)
-        );
+        assert_eq!(edges.take_due(0).map(|edge| edge.kind), Some(EventKind::TriggerRise));
         assert_eq!(edges.take_due(9_998), None);
         let early = |edge: Option<DueEdge>| edge.map(|edge| (edge.kind, edge.early_us));
-        assert_eq!(
-            early(edges.take_due(11_000)),
-            Some((EventKind::TriggerFall, 1_000))
-        );
+        assert_eq!(early(edges.take_due(11_000)), Some((EventKind::TriggerFall, 1_000)));
         let left: Vec<_> = std::iter::from_fn(|| early(edges.take_due(2_000_000))).collect();
         assert_eq!(
             left,

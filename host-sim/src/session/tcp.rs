@@ -99,10 +99,7 @@ fn accept(listener: &TcpListener, current: &CurrentHost, commands: &mpsc::Sender
             continue;
         };
         let mut current = current.lock().unwrap_or_else(PoisonError::into_inner);
-        let host = Arc::new(Host {
-            stream,
-            ended: AtomicBool::new(false),
-        });
+        let host = Arc::new(Host { stream, ended: AtomicBool::new(false) });
         if let Some(old) = current.replace(Arc::clone(&host)) {
             // An error means that the old host has already disconnected.
             let _ = old.stream.shutdown(std::net::Shutdown::Both);

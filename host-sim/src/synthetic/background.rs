@@ -24,22 +24,10 @@ struct Band {
 /// S001R11, ten spatial components hold 99.1 % of the variance from 0.5 to 2 Hz and 95.3 % from 14
 /// to 30 Hz.
 const BANDS: [Band; 4] = [
-    Band {
-        corner: 0.5,
-        eccentricity: (0.35, 0.55),
-    },
-    Band {
-        corner: 2.0,
-        eccentricity: (0.35, 0.55),
-    },
-    Band {
-        corner: 8.0,
-        eccentricity: (0.45, 0.65),
-    },
-    Band {
-        corner: 32.0,
-        eccentricity: (0.55, 0.75),
-    },
+    Band { corner: 0.5, eccentricity: (0.35, 0.55) },
+    Band { corner: 2.0, eccentricity: (0.35, 0.55) },
+    Band { corner: 8.0, eccentricity: (0.45, 0.65) },
+    Band { corner: 32.0, eccentricity: (0.55, 0.75) },
 ];
 /// Ratio of the variances of two successive bands: `4^-0.7`.
 const FALL: f64 = 0.379;
@@ -79,9 +67,8 @@ impl Background {
         for band in BANDS {
             let dipoles = [(); DIPOLES].map(|()| Dipole::draw(&mut noise, band.eccentricity));
             let powers = scalp.powers_at(&dipoles, SITES);
-            let (sum, sites) = powers
-                .iter()
-                .fold((0.0, 0.0), |(sum, sites), power| (sum + power, sites + 1.0));
+            let (sum, sites) =
+                powers.iter().fold((0.0, 0.0), |(sum, sites), power| (sum + power, sites + 1.0));
             let mean_square = sum / sites;
             let scale = (variance * (1.0 - REFERENCE) / mean_square).sqrt();
             let reference = (variance * REFERENCE).sqrt();
@@ -89,10 +76,7 @@ impl Background {
             let common = vec![reference; scalp.electrodes()];
             for amplitudes in amplitudes.chain([common]) {
                 let activity = LowPassNoise::new(band.corner, rate, &mut noise);
-                sources.push(Source {
-                    activity,
-                    amplitudes,
-                });
+                sources.push(Source { activity, amplitudes });
             }
             variance *= FALL;
         }

@@ -34,13 +34,7 @@ impl Blinks {
         let [left, right] = eyes.map(|eye| scalp.potentials(&eye, 1.0 / peak));
         let weights = left.iter().zip(right).map(|(a, b)| a + b).collect();
         let wait = noise.samples(2.0, 7.0, rate);
-        Self {
-            noise,
-            rate,
-            weights,
-            wait,
-            now: None,
-        }
+        Self { noise, rate, weights, wait, now: None }
     }
 
     pub(super) fn add(&mut self, microvolts: &mut [f64]) {

@@ -29,11 +29,7 @@ impl Dipole {
     pub(super) fn at(place: [f64; 3], moment: [f64; 3]) -> Self {
         let [place, moment] = [place, moment].map(|[x, y, z]| Position { x, y, z });
         let eccentricity = place.dot(place).sqrt();
-        Self {
-            eccentricity,
-            direction: place.scaled(1.0 / eccentricity),
-            moment,
-        }
+        Self { eccentricity, direction: place.scaled(1.0 / eccentricity), moment }
     }
 
     /// Draws a dipole with a moment of length 1: the direction uniform over the upper part of the
@@ -45,16 +41,9 @@ impl Dipole {
                 break direction;
             }
         };
-        let moment = if noise.uniform(0.0, 1.0) < RADIAL {
-            direction
-        } else {
-            tangent(direction, noise)
-        };
-        Self {
-            eccentricity: noise.uniform(eccentricity.0, eccentricity.1),
-            direction,
-            moment,
-        }
+        let moment =
+            if noise.uniform(0.0, 1.0) < RADIAL { direction } else { tangent(direction, noise) };
+        Self { eccentricity: noise.uniform(eccentricity.0, eccentricity.1), direction, moment }
     }
 }
 

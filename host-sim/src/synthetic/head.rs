@@ -80,10 +80,8 @@ impl Head {
         for factor in self.transfer {
             sum += factor * power * (n * radial * polynomial + tangential * slope);
             (slope_before, slope) = (slope, slope_before + (2.0 * n + 1.0) * polynomial);
-            (before, polynomial) = (
-                polynomial,
-                ((2.0 * n + 1.0) * x * polynomial - n * before) / (n + 1.0),
-            );
+            (before, polynomial) =
+                (polynomial, ((2.0 * n + 1.0) * x * polynomial - n * before) / (n + 1.0));
             power *= dipole.eccentricity;
             n += 1.0;
         }

@@ -44,12 +44,7 @@ impl Interference {
         };
         let electrodes = spec.electrodes.iter().map(|_| electrode()).collect();
         let mains = Phasor::new(f64::from(spec.mains_hz), rate);
-        Self {
-            noise,
-            mains,
-            drift_uv: spec.drift_uv,
-            electrodes,
-        }
+        Self { noise, mains, drift_uv: spec.drift_uv, electrodes }
     }
 
     pub(super) fn add(&mut self, microvolts: &mut [f64]) {
@@ -81,13 +76,7 @@ pub(super) struct Rails {
 impl Rails {
     pub(super) fn new(mut noise: Noise, electrodes: usize, rate: f64) -> Self {
         let wait = noise.samples(5.0, 20.0, rate);
-        Self {
-            noise,
-            electrodes,
-            rate,
-            wait,
-            now: None,
-        }
+        Self { noise, electrodes, rate, wait, now: None }
     }
 
     pub(super) fn add(&mut self, microvolts: &mut [f64]) {
@@ -95,11 +84,7 @@ impl Rails {
             self.wait -= 1;
             if self.wait == 0 && self.electrodes > 0 {
                 let electrode = self.noise.index(self.electrodes);
-                let added_uv = if self.noise.uniform(0.0, 1.0) < 0.5 {
-                    -RAIL_UV
-                } else {
-                    RAIL_UV
-                };
+                let added_uv = if self.noise.uniform(0.0, 1.0) < 0.5 { -RAIL_UV } else { RAIL_UV };
                 self.now = Some((electrode, added_uv, self.noise.samples(0.2, 1.5, self.rate)));
             }
             if self.wait == 0 {

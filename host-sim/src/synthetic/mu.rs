@@ -51,32 +51,20 @@ struct HandArea {
 impl Mu {
     pub(super) fn new(noise: Noise, scalp: &Scalp, rate: f64, rms_uv: f64) -> Self {
         let [x, y, z] = HAND_AREA;
-        let scale = rms_uv
-            / scalp
-                .potential_at(&Dipole::at(HAND_AREA, HAND_AREA), SITE)
-                .abs();
+        let scale = rms_uv / scalp.potential_at(&Dipole::at(HAND_AREA, HAND_AREA), SITE).abs();
         let areas = [(Hand::Right, x), (Hand::Left, -x)].map(|(hand, x)| HandArea {
             hand,
             phasors: RHYTHMS.map(|(hz, _)| Phasor::new(hz, rate)),
             amplitudes: scalp.potentials(&Dipole::at([x, y, z], [x, y, z]), scale),
             envelope: 1.0,
         });
-        Self {
-            noise,
-            damping: pole(HALF_WIDTH, rate),
-            envelope_pole: pole(ENVELOPE, rate),
-            areas,
-        }
+        Self { noise, damping: pole(HALF_WIDTH, rate), envelope_pole: pole(ENVELOPE, rate), areas }
     }
 
     /// Adds the rhythm of both hemispheres while `moving` moves; `None` is rest.
     pub(super) fn add(&mut self, moving: Option<Hand>, microvolts: &mut [f64]) {
         for area in &mut self.areas {
-            let target = if moving == Some(area.hand) {
-                MOVING
-            } else {
-                1.0
-            };
+            let target = if moving == Some(area.hand) { MOVING } else { 1.0 };
             area.envelope = target + self.envelope_pole * (area.envelope - target);
             let mut activity = 0.0;
             for (phasor, (_, share)) in area.phasors.iter_mut().zip(RHYTHMS) {

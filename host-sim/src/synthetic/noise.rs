@@ -26,10 +26,7 @@ impl Noise {
         let bits = self.random.next_u64();
         let [a, b, c, d, e, f, g, h] = bits.to_le_bytes();
         let parts = [[a, b], [c, d], [e, f], [g, h]];
-        let sum: u32 = parts
-            .iter()
-            .map(|part| u32::from(u16::from_le_bytes(*part)))
-            .sum();
+        let sum: u32 = parts.iter().map(|part| u32::from(u16::from_le_bytes(*part))).sum();
         // Subtract the mean, `4 * 65535 / 2`, and divide by the root of the variance,
         // `4 * (65536^2 - 1) / 12`.
         (f64::from(sum) - 131_070.0) / 37_837.227_2
@@ -71,11 +68,7 @@ impl LowPassNoise {
     /// Creates the noise with a random first value. The frequencies `corner` and `rate` are in Hz.
     pub(crate) fn new(corner: f64, rate: f64, noise: &mut Noise) -> Self {
         let pole = pole(corner, rate);
-        Self {
-            pole,
-            drive: (1.0 - pole * pole).sqrt(),
-            value: noise.normal(),
-        }
+        Self { pole, drive: (1.0 - pole * pole).sqrt(), value: noise.normal() }
     }
 
     pub(super) fn advance(&mut self, noise: &mut Noise) -> f64 {

@@ -23,10 +23,7 @@ impl Phasor {
         for _ in 0..8 {
             (cos, sin) = (cos * cos - sin * sin, 2.0 * sin * cos);
         }
-        Self {
-            rotation: (cos, sin),
-            point: (1.0, 0.0),
-        }
+        Self { rotation: (cos, sin), point: (1.0, 0.0) }
     }
 
     /// Rotates by one sample and returns the point. The factor `(3 - r^2) / 2`, which is close to

@@ -14,20 +14,14 @@ use crate::synthetic::{Generator, SyntheticSpec};
 
 fn board() -> (VirtualBoard, Outbox) {
     let outbox = Outbox::new(WhenFull::DropOldest);
-    let identity = Identity {
-        session_id: 7,
-        chip_uid: [1; 12],
-        ..Identity::default()
-    };
+    let identity = Identity { session_id: 7, chip_uid: [1; 12], ..Identity::default() };
     let board = VirtualBoard::new(identity, Mains::Hz50, outbox.clone());
     (board, outbox)
 }
 
 fn send(board: &mut VirtualBoard, host: &mut Encoder, command: ToDevice<'_>) {
     let mut buffer = [0; MAX_FRAME];
-    let bytes = host
-        .encode(0, &command, &mut buffer)
-        .expect("a command fits a frame");
+    let bytes = host.encode(0, &command, &mut buffer).expect("a command fits a frame");
     board.receive(bytes, 1_000);
 }
 
@@ -46,10 +40,7 @@ fn frames<T>(outbox: &Outbox, select: impl Fn(ToHost<'_>) -> Option<T>) -> Vec<T
 }
 
 const fn start(streams: Streams) -> ToDevice<'static> {
-    ToDevice::Start(Start {
-        streams,
-        mains_hz: 0,
-    })
+    ToDevice::Start(Start { streams, mains_hz: 0 })
 }
 
 const START: ToDevice<'_> = start(Streams::CODES);
@@ -70,15 +61,9 @@ fn a_clipped_value_in_two_windows_is_counted_once() {
     });
     let total: u32 = marked.iter().map(|&clipped| u32::from(clipped)).sum();
     let once = board.producer.clipped();
-    assert!(
-        (1..64).contains(&once),
-        "one electrode, while the impulse response lasts"
-    );
+    assert!((1..64).contains(&once), "one electrode, while the impulse response lasts");
     assert_eq!(board.stats().clipped, once);
-    assert!(
-        total > board.stats().clipped,
-        "overlapping windows count it twice"
-    );
+    assert!(total > board.stats().clipped, "overlapping windows count it twice");
 }
 
 /// Two electrodes and a channel without an electrode are at the rail for one sample.
@@ -88,18 +73,11 @@ fn a_code_names_the_channels_at_the_rail_and_substitutes_the_electrodes_among_th
     // substituted. Electrodes stay substituted for 10 s, longer than this run.
     for (automatic, at_rail, afterwards) in [
         (true, (true, 1 << 63, true), (false, 0, true)),
-        (
-            false,
-            (true, 1 << 3 | 1 << 40 | 1 << 63, false),
-            (false, 0, false),
-        ),
+        (false, (true, 1 << 3 | 1 << 40 | 1 << 63, false), (false, 0, false)),
     ] {
         let (mut board, outbox) = board();
         let mut host = Encoder::default();
-        let policy = ExclusionPolicy {
-            automatic,
-            ..ExclusionPolicy::AUTOMATIC
-        };
+        let policy = ExclusionPolicy { automatic, ..ExclusionPolicy::AUTOMATIC };
         send(&mut board, &mut host, ToDevice::SetExclusion(policy));
         send(&mut board, &mut host, START);
         for index in 0..512 {

@@ -16,9 +16,7 @@ fn closed() -> Stdio {
 #[test]
 fn a_reader_that_has_gone_changes_neither_status_nor_result() {
     let rate = model::ADC_RATE_HZ;
-    let file = gdf_file(rate, 2 * rate, &[(5, 0x0301)], |_| {
-        vec![f32::NAN; model::ELECTRODES]
-    });
+    let file = gdf_file(rate, 2 * rate, &[(5, 0x0301)], |_| vec![f32::NAN; model::ELECTRODES]);
     let folder = tempfile::tempdir().expect("a folder");
     let codes = folder.path().join("a.codes");
     let [file, codes_text] = [file.path(), &codes].map(|path| path.to_str().expect("text"));
@@ -36,10 +34,7 @@ fn a_reader_that_has_gone_changes_neither_status_nor_result() {
         let output = command.stdout(closed()).stderr(closed()).output();
         let status = output.expect("it runs").status;
         assert_eq!(status, open.status, "{arguments:?}");
-        assert_eq!(
-            codes.exists(),
-            arguments[0] == "encode" && arguments[1] == file
-        );
+        assert_eq!(codes.exists(), arguments[0] == "encode" && arguments[1] == file);
         let _ = fs::remove_file(&codes);
     }
 }

@@ -85,11 +85,7 @@ fn a_transfer_in_text_mode_is_recognised() {
         }
         damaged.push(byte);
     }
-    assert_refused(
-        "text.edf",
-        &damaged,
-        "transfer the recording again in binary mode",
-    );
+    assert_refused("text.edf", &damaged, "transfer the recording again in binary mode");
 }
 
 #[test]
@@ -100,12 +96,7 @@ fn files_that_are_no_recording_say_what_to_do() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let finished = play(folder.path());
     assert_eq!(finished.status, Some(2), "{finished:?}");
-    assert!(
-        finished
-            .log
-            .contains("is a folder; name one recording in it"),
-        "{finished:?}"
-    );
+    assert!(finished.log.contains("is a folder; name one recording in it"), "{finished:?}");
 }
 
 #[test]
@@ -146,10 +137,7 @@ fn values_that_the_adc_cannot_represent_have_a_warning_also_without_a_summary() 
         let finished = run(&arguments);
         assert_eq!(finished.status, Some(0), "{finished:?}");
         for warning in [
-            format!(
-                " {} counts are at the rail",
-                (model::ELECTRODES - 1) * 2 * usize::from(rate)
-            ),
+            format!(" {} counts are at the rail", (model::ELECTRODES - 1) * 2 * usize::from(rate)),
             " 1 samples are no number".to_owned(),
         ] {
             assert!(finished.log.contains(&warning), "{warning}: {finished:?}");

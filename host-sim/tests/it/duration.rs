@@ -20,10 +20,7 @@ fn a_run_without_a_host_ends_after_its_duration() {
         let finished = run(&[&common, arguments].concat());
         assert_eq!(finished.status, Some(0), "{finished:?}");
         assert!(start.elapsed() >= Duration::from_millis(500));
-        assert!(
-            finished.log.contains("no host started the stream"),
-            "{finished:?}"
-        );
+        assert!(finished.log.contains("no host started the stream"), "{finished:?}");
     }
 }
 

@@ -14,11 +14,7 @@ pub(crate) struct Signal {
 
 impl Signal {
     pub(crate) fn new(label: &str) -> Self {
-        Self {
-            label: label.to_owned(),
-            digital: ["-32768", "32767"],
-            samples_per_record: RATE,
-        }
+        Self { label: label.to_owned(), digital: ["-32768", "32767"], samples_per_record: RATE }
     }
 }
 
@@ -63,14 +59,7 @@ impl EdfFile {
         put("Startdate 01-JAN-2024 X X X", 80);
         put("01.01.2400.00.00", 16);
         put(&(256 * (1 + signals.len())).to_string(), 8);
-        put(
-            if self.annotations.is_empty() {
-                ""
-            } else {
-                "EDF+C"
-            },
-            44,
-        );
+        put(if self.annotations.is_empty() { "" } else { "EDF+C" }, 44);
         put(&self.records.to_string(), 8);
         put("1", 8);
         put(&signals.len().to_string(), 4);

@@ -32,20 +32,13 @@ fn played(input: &Path, more: &[&str]) -> Vec<(Event, u64)> {
 
 /// Returns the edges of pulses of 10 ms at these times, in milliseconds of the signal.
 fn pulses(starts_ms: &[u64]) -> Vec<(Event, u64)> {
-    let edges = starts_ms.iter().flat_map(|start| {
-        [
-            (EventKind::TriggerRise, *start),
-            (EventKind::TriggerFall, start + 10),
-        ]
-    });
+    let edges = starts_ms
+        .iter()
+        .flat_map(|start| [(EventKind::TriggerRise, *start), (EventKind::TriggerFall, start + 10)]);
     let rate = u64::from(model::ADC_RATE_HZ);
     let event = |(number, (kind, at_ms)): (u32, (EventKind, u64))| {
         let sample = (at_ms * rate).div_ceil(1000);
-        let event = Event {
-            kind,
-            number,
-            sample,
-        };
+        let event = Event { kind, number, sample };
         (event, at_ms * 1000)
     };
     (0..).zip(edges).map(event).collect()
@@ -77,19 +70,15 @@ fn annotations_of_edf_are_pulses_at_their_samples() {
     assert_played(&played(&path, &[]), &pulses(&[125, 250, 2500]));
 
     // With --trigger-every, periodic edges replace the edges of the recording.
-    let numbers: Vec<u64> = played(&path, &["--trigger-every=1"])
-        .into_iter()
-        .map(|(_, us)| us)
-        .collect();
+    let numbers: Vec<u64> =
+        played(&path, &["--trigger-every=1"]).into_iter().map(|(_, us)| us).collect();
     assert_eq!(numbers.first(), Some(&1_000_000));
 
     let input = format!("--input={}", path.display());
     let finished = run(&["run", "-q", &input, "--output=file:/dev/null"]);
     assert!(
         finished.log.contains("1 events are outside the signal")
-            && finished
-                .log
-                .contains("1 events are less than 2 ms after another one"),
+            && finished.log.contains("1 events are less than 2 ms after another one"),
         "{finished:?}"
     );
 }

@@ -29,10 +29,7 @@ struct Observed {
 
 /// Returns the indices of the windows whose codes have `flag`.
 fn windows_with(codes: &[Flags], flag: Flags) -> Vec<usize> {
-    let flagged = codes
-        .iter()
-        .enumerate()
-        .filter(|(_, flags)| flags.contains(flag));
+    let flagged = codes.iter().enumerate().filter(|(_, flags)| flags.contains(flag));
     flagged.map(|(window, _)| window).collect()
 }
 
@@ -42,10 +39,7 @@ fn board(faults: &[&str]) -> (VirtualBoard, Outbox) {
     let outbox = Outbox::new(WhenFull::Wait);
     let identity = Identity::default();
     let mut board = VirtualBoard::with_faults(identity, Mains::Hz50, faults, outbox.clone());
-    let start = Start {
-        streams: Streams::CODES,
-        mains_hz: 0,
-    };
+    let start = Start { streams: Streams::CODES, mains_hz: 0 };
     board.start(start, 0);
     (board, outbox)
 }
@@ -95,25 +89,10 @@ fn a_fault_is_flagged_in_exactly_the_windows_that_contain_it() {
         // samples that follow missed ones, and the number of samples.
         (String::new(), none.clone(), none.clone(), 1024),
         // 1.0703125 s is the time of sample 548, at which the chip is repaired.
-        (
-            format!("dead@{AT}..1.0703125s:chip3"),
-            FROM..FROM + 48,
-            none.clone(),
-            1024,
-        ),
+        (format!("dead@{AT}..1.0703125s:chip3"), FROM..FROM + 48, none.clone(), 1024),
         // The driver misses three samples before it detects that DRDY is silent.
-        (
-            format!("dead@{AT}:chip0"),
-            FROM..1024 - 3,
-            first.clone(),
-            1024 - 3,
-        ),
-        (
-            format!("missed-drdy@{AT}:chip0"),
-            none.clone(),
-            first,
-            1024 - 1,
-        ),
+        (format!("dead@{AT}:chip0"), FROM..1024 - 3, first.clone(), 1024 - 3),
+        (format!("missed-drdy@{AT}:chip0"), none.clone(), first, 1024 - 1),
     ];
     for kind in ["dead", "stuck", "wrong-status", "shifted-bit"] {
         for chip in [1, 4, 7] {
@@ -130,11 +109,9 @@ fn a_fault_is_flagged_in_exactly_the_windows_that_contain_it() {
     for (fault, bad, overrun, samples) in cases {
         let faults = Some(&fault[..]).filter(|fault| !fault.is_empty());
         let Observed { codes, stats } = &observe(faults.as_slice());
-        for (flag, flagged) in [
-            (BAD, bad.clone()),
-            (Flags::OVERRUN, overrun),
-            (Flags::LEAD_OFF, none.clone()),
-        ] {
+        for (flag, flagged) in
+            [(BAD, bad.clone()), (Flags::OVERRUN, overrun), (Flags::LEAD_OFF, none.clone())]
+        {
             assert_eq!(windows_with(codes, flag), windows_of(flagged), "{fault}");
         }
         let counts = (stats.samples, stats.overruns, stats.adc_status_bad);
@@ -153,28 +130,19 @@ fn a_doubled_rate_is_flagged_with_its_first_early_sample() {
     let expected: Vec<usize> = (first..observed.codes.len()).collect();
     assert_eq!(windows_with(&observed.codes, BAD), expected);
     assert_eq!(observed.stats.samples, 1024 + (1024 - FROM - 1));
-    assert_eq!(
-        u64::from(observed.stats.adc_status_bad),
-        2 * (1024 - FROM - 1)
-    );
+    assert_eq!(u64::from(observed.stats.adc_status_bad), 2 * (1024 - FROM - 1));
 }
 
 #[test]
 fn an_electrode_that_is_off_is_flagged_and_substituted() {
     let label = model::LABELS.split(' ').next_back().expect("a label");
     let observed = observe(&[&format!("lead-off@{AT}..1.0703125s:{label}")]);
-    assert_eq!(
-        windows_with(&observed.codes, Flags::LEAD_OFF),
-        windows_of(FROM..FROM + 48)
-    );
+    assert_eq!(windows_with(&observed.codes, Flags::LEAD_OFF), windows_of(FROM..FROM + 48));
     assert_eq!(windows_with(&observed.codes, BAD), [0; 0]);
     // The lead-off current has no path through the electrode, so the input goes to the rail. The
     // electrode is filled from the others until it has been good for 10 s, after the end of the
     // run.
-    assert_eq!(
-        windows_with(&observed.codes, Flags::SUBSTITUTED),
-        windows_of(FROM..1024)
-    );
+    assert_eq!(windows_with(&observed.codes, Flags::SUBSTITUTED), windows_of(FROM..1024));
     assert_eq!(windows_with(&observed.codes, Flags::SATURATED), [0; 0]);
 }
 
@@ -182,11 +150,7 @@ fn an_electrode_that_is_off_is_flagged_and_substituted() {
 fn a_chip_with_a_fault_from_power_on_is_flagged_in_every_code() {
     for kind in ["wrong-id", "forgets", "dead"] {
         let observed = observe(&[&format!("{kind}:chip5")]);
-        assert_eq!(
-            windows_with(&observed.codes, BAD),
-            (0..31).collect::<Vec<_>>(),
-            "{kind}"
-        );
+        assert_eq!(windows_with(&observed.codes, BAD), (0..31).collect::<Vec<_>>(), "{kind}");
         let (board, _) = board(&[&format!("{kind}:chip5")]);
         let failure = board.converters().failure().expect("a chip with a fault");
         assert_eq!(failure.chip(), Some(5), "{failure}");

@@ -19,10 +19,6 @@ pub(crate) fn gdf_file(
     for at in 0..rows {
         writer.write_record(&row(at)).expect("a record");
     }
-    writer
-        .finish(events)
-        .expect("a table")
-        .flush()
-        .expect("a file");
+    writer.finish(events).expect("a table").flush().expect("a file");
     file
 }

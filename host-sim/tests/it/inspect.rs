@@ -10,11 +10,7 @@ fn inspect(path: &Path) -> (Option<i32>, String, String) {
     let mut command = program(&["inspect".as_ref(), path.as_os_str()]);
     let output = command.stdout(Stdio::piped()).output().expect("it runs");
     let text = |bytes| String::from_utf8(bytes).expect("text");
-    (
-        output.status.code(),
-        text(output.stdout),
-        text(output.stderr),
-    )
+    (output.status.code(), text(output.stdout), text(output.stderr))
 }
 
 #[test]

@@ -69,11 +69,7 @@ fn codes_are_lines_of_json_with_the_fields_of_the_bridge() {
             let levels = code.values.levels().zip(&scales);
             let values = levels.map(|(level, (scale, zero))| dequantise(level, *scale, *zero));
             let flags = u64::from(code.flags.bits());
-            Some((
-                frame.header.device_time_us,
-                flags,
-                values.collect::<Vec<f32>>(),
-            ))
+            Some((frame.header.device_time_us, flags, values.collect::<Vec<f32>>()))
         }
         _ => None,
     });
@@ -81,10 +77,7 @@ fn codes_are_lines_of_json_with_the_fields_of_the_bridge() {
     for ((index, line), (us, flags, values)) in (0_u64..).zip(&codes).zip(expected) {
         let (message, seq) = (&line["message"], index + 1);
         assert_eq!(line["device_time_us"], us);
-        assert_eq!(
-            message["header"],
-            json!({"seq": seq, "frame_id": "autoencoder"})
-        );
+        assert_eq!(message["header"], json!({"seq": seq, "frame_id": "autoencoder"}));
         assert_eq!(message["neuroheader"], json!({"seq": seq}));
         assert_eq!(message["sr"], 16);
         let data: Vec<f32> =
@@ -94,14 +87,8 @@ fn codes_are_lines_of_json_with_the_fields_of_the_bridge() {
         assert_eq!(message["tri"]["data"], json!(words));
     }
     let info = &codes[0]["message"]["eeg"]["info"];
-    assert_eq!(
-        (&info["nchannels"], &info["nsamples"]),
-        (&json!(model::CODE), &json!(1))
-    );
-    assert_eq!(
-        (&info["unit"], &info["transducter"]),
-        (&json!("a.u."), &json!("autoencoder"))
-    );
+    assert_eq!((&info["nchannels"], &info["nsamples"]), (&json!(model::CODE), &json!(1)));
+    assert_eq!((&info["unit"], &info["transducter"]), (&json!("a.u."), &json!("autoencoder")));
     assert_eq!(info["labels"][0], "z000");
     assert!(info["minmax"][0].as_f64() < Some(0.0) && info["minmax"][1].as_f64() > Some(0.0));
 
@@ -129,35 +116,20 @@ fn selected_streams_are_in_a_file_in_the_order_of_the_wire() {
         let [event, description] = ["event", "description"].map(|key| message[key].clone());
         (line["device_time_us"].clone(), event, description)
     });
-    let expected = [
-        (250_000, 0x0001, "trigger high"),
-        (260_000, 0x8001, "trigger low"),
-    ];
+    let expected = [(250_000, 0x0001, "trigger high"), (260_000, 0x8001, "trigger low")];
     assert!(edges.eq(expected.map(|(us, event, text)| (json!(us), json!(event), json!(text)))));
 
     // No code ends in the 10 ms for which the trigger is high, so all codes state the level 0.
     let codes = of_topic(&lines, "/encoded");
-    assert!(
-        codes
-            .iter()
-            .all(|line| line["message"]["tri"]["data"][7] == 0)
-    );
+    assert!(codes.iter().all(|line| line["message"]["tri"]["data"][7] == 0));
     let blocks = of_topic(&lines, "/packed");
     assert_eq!(blocks.len(), 2 * 16);
     for (index, line) in blocks.iter().enumerate() {
         let message = &line["message"];
         assert_eq!(message["block"], index);
-        assert!(
-            message["bytes"]
-                .as_array()
-                .is_some_and(|bytes| !bytes.is_empty())
-        );
+        assert!(message["bytes"].as_array().is_some_and(|bytes| !bytes.is_empty()));
         let settling = u64::from(Flags::SETTLING.bits());
-        assert!(
-            message["flags"]
-                .as_u64()
-                .is_some_and(|flags| flags & settling != 0)
-        );
+        assert!(message["flags"].as_u64().is_some_and(|flags| flags & settling != 0));
     }
     let times = lines.iter().map(|line| line["device_time_us"].as_u64());
     assert!(times.is_sorted());
@@ -173,20 +145,14 @@ fn standard_output_has_the_bytes_of_a_file() {
         assert_eq!(run_to_stdout(&input, &[&file]).1, b"");
         let stdout = format!("--output={kind}:-");
         let bytes = run_to_stdout(&input, &[&stdout]).1;
-        assert!(
-            bytes.len() > 1_000 && bytes == fs::read(path).expect("the file"),
-            "{kind}"
-        );
+        assert!(bytes.len() > 1_000 && bytes == fs::read(path).expect("the file"), "{kind}");
     }
 }
 
 #[test]
 fn a_reader_that_has_seen_enough_ends_an_endless_run() {
     let mut program = program(&["run", "--input=synthetic", "--output=ndjson:-"]);
-    let mut child = program
-        .stdout(Stdio::piped())
-        .spawn()
-        .expect("the program starts");
+    let mut child = program.stdout(Stdio::piped()).spawn().expect("the program starts");
     let mut stdout = BufReader::new(child.stdout.take().expect("a pipe"));
     let mut line = String::new();
     stdout.read_line(&mut line).expect("a line");
@@ -199,31 +165,17 @@ fn a_reader_that_has_seen_enough_ends_an_endless_run() {
 fn what_cannot_be_written_or_read_to_its_end_has_a_status_and_a_reason() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let input = recording(folder.path());
-    let mut program = program(&[
-        "run",
-        "-q",
-        &format!("--input={}", input.display()),
-        "--output=ndjson:-",
-    ]);
-    let full: File = OpenOptions::new()
-        .write(true)
-        .open("/dev/full")
-        .expect("a device");
+    let mut program =
+        program(&["run", "-q", &format!("--input={}", input.display()), "--output=ndjson:-"]);
+    let full: File = OpenOptions::new().write(true).open("/dev/full").expect("a device");
     let finished = wait(program.stdout(full).spawn().expect("the program starts"));
     assert_eq!(finished.status, Some(1), "{finished:?}");
     let reason = " frames could not be written to ndjson:-";
     assert!(finished.log.contains(reason), "{finished:?}");
 
     let absent = run_to_stdout(&folder.path().join("absent.edf"), &["--output=ndjson:-"]);
-    assert_eq!(
-        (absent.0.status, &*absent.1),
-        (Some(2), &b""[..]),
-        "{absent:?}"
-    );
+    assert_eq!((absent.0.status, &*absent.1), (Some(2), &b""[..]), "{absent:?}");
     let port = run_to_stdout(&input, &["--output=tcp:127.0.0.1:0", "--streams=codes"]).0;
     assert_eq!(port.status, Some(2), "{port:?}");
-    assert!(
-        port.log.contains("the host selects the streams"),
-        "{port:?}"
-    );
+    assert!(port.log.contains("the host selects the streams"), "{port:?}");
 }

@@ -21,10 +21,9 @@ fn the_input_is_never_overwritten_and_another_file_only_with_force() {
     let bytes = EdfFile::with_all_electrodes(2).bytes();
     fs::write(at("in.edf"), &bytes).expect("writable");
     fs::write(at("out"), b"mine").expect("writable");
-    for (name, more, reason) in [
-        ("in.edf", &["--force"][..], "is the input"),
-        ("out", &[], "--force"),
-    ] {
+    for (name, more, reason) in
+        [("in.edf", &["--force"][..], "is the input"), ("out", &[], "--force")]
+    {
         let refused = play(&at("in.edf"), &at(name), more);
         assert_eq!(refused.status, Some(2), "{refused:?}");
         assert!(refused.log.contains(reason), "{refused:?}");
@@ -82,10 +81,7 @@ fn a_link_of_the_user_is_not_replaced_by_the_link_to_a_terminal() {
     let board = ["run", "-q", "--input=synthetic", "--duration=0.1", &output];
     let refused = run(&board);
     assert_eq!(refused.status, Some(2), "{refused:?}");
-    assert!(
-        refused.log.contains("no link to a pseudoterminal"),
-        "{refused:?}"
-    );
+    assert!(refused.log.contains("no link to a pseudoterminal"), "{refused:?}");
     assert_eq!(fs::read(at("link")).expect("the data"), b"mine");
 
     // A link to a terminal, which a killed run can leave behind, is replaced.
@@ -97,23 +93,14 @@ fn a_link_of_the_user_is_not_replaced_by_the_link_to_a_terminal() {
 #[test]
 fn an_output_that_cannot_be_is_wrong_usage_and_a_full_disk_has_failed() {
     for (output, allowed) in [
-        (
-            "tcp:localhost:99999",
-            "a port of 0 to 65535; write tcp:127.0.0.1:5555",
-        ),
+        ("tcp:localhost:99999", "a port of 0 to 65535; write tcp:127.0.0.1:5555"),
         ("tcp::5555", "write tcp:127.0.0.1:5555"),
         ("tcp:5555", "write tcp:127.0.0.1:5555"),
         ("99999", "write pty:PATH, tcp:HOST:PORT or file:PATH"),
-        (
-            "udp:1.2.3.4:5",
-            "write pty:PATH, tcp:HOST:PORT or file:PATH",
-        ),
+        ("udp:1.2.3.4:5", "write pty:PATH, tcp:HOST:PORT or file:PATH"),
         ("pty:", "write pty:PATH"),
         ("ndjson:", "ndjson:PATH for lines of JSON"),
-        (
-            "file:/tmp",
-            "/tmp is a folder; write the name of a file in it",
-        ),
+        ("file:/tmp", "/tmp is a folder; write the name of a file in it"),
         ("pty:/tmp", "/tmp exists and is no link to a pseudoterminal"),
         ("file:/no/such/folder/codes.bin", "/no/such/folder"),
         ("pty:/no/such/folder/board", "/no/such/folder"),

@@ -39,10 +39,7 @@ pub(crate) fn connect(address: &str) -> TcpStream {
 }
 
 pub(crate) const fn start(streams: Streams) -> ToDevice<'static> {
-    ToDevice::Start(Start {
-        streams,
-        mains_hz: 0,
-    })
+    ToDevice::Start(Start { streams, mains_hz: 0 })
 }
 
 /// Sends a command in a frame whose sequence number is `number`.
@@ -78,11 +75,7 @@ pub(crate) struct Finished {
 /// Returns a command that runs the program with these arguments.
 pub(crate) fn program<A: AsRef<OsStr>>(arguments: &[A]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_host-sim"));
-    command
-        .args(arguments)
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped());
+    command.args(arguments).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
     command
 }
 

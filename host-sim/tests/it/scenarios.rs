@@ -69,22 +69,14 @@ fn a_limit_that_is_exceeded_fails_with_the_figure_and_the_key_also_in_junit() {
     let output = rehearse(NOISY, &["--junit", junit.to_str().expect("UTF-8")]);
     assert_eq!(output.status.code(), Some(1));
     let verdict = text(&output.stdout);
-    for part in [
-        "FAIL a \"noisy\" line <&>: 8 s",
-        "exceeds limits.fillers",
-        "exceeds limits.lost_events",
-    ] {
+    for part in
+        ["FAIL a \"noisy\" line <&>: 8 s", "exceeds limits.fillers", "exceeds limits.lost_events"]
+    {
         assert!(verdict.contains(part), "{verdict}");
     }
     let xml = fs::read_to_string(junit).expect("the file");
-    assert!(
-        xml.contains("name=\"a &quot;noisy&quot; line &lt;&amp;&gt;\""),
-        "{xml}"
-    );
-    assert!(
-        xml.contains("failures=\"1\"") && xml.contains("<failure message=\""),
-        "{xml}"
-    );
+    assert!(xml.contains("name=\"a &quot;noisy&quot; line &lt;&amp;&gt;\""), "{xml}");
+    assert!(xml.contains("failures=\"1\"") && xml.contains("<failure message=\""), "{xml}");
 }
 
 #[test]
@@ -97,32 +89,16 @@ fn a_fault_that_does_not_take_place_is_refused_or_fails() {
             "scenario.toml:4: this fault ends at 6 s",
         ),
         ("[[fault]]\nkind = \"commands\"\nat_s = 1", 2, "needs per_s"),
-        (
-            "converters = [\"dead@5s:chip0\"]",
-            2,
-            "begins after the end at 5 s",
-        ),
-        (
-            "[clock]\nchanges = [{ at_s = 5, ppm = 1 }]",
-            2,
-            "begins after the end at 5 s",
-        ),
-        (
-            "[noise]\nbit_errors = 1e-12",
-            1,
-            "noise.bit_errors had no effect",
-        ),
+        ("converters = [\"dead@5s:chip0\"]", 2, "begins after the end at 5 s"),
+        ("[clock]\nchanges = [{ at_s = 5, ppm = 1 }]", 2, "begins after the end at 5 s"),
+        ("[noise]\nbit_errors = 1e-12", 1, "noise.bit_errors had no effect"),
         (
             "[[fault]]\nkind = \"lost-acks\"\nat_s = 2\nfor_s = 1",
             1,
             "the fault LostAcks at 2 s had no effect",
         ),
         ("[noise]\nbit_error = 1", 2, "line 5"),
-        (
-            "[noise]\nbit_errors = 2",
-            2,
-            "write a rate from 0 to below 1",
-        ),
+        ("[noise]\nbit_errors = 2", 2, "write a rate from 0 to below 1"),
         ("[line]\nkind = \"serial\"", 2, "`usb`, `uart`, `tcp`"),
         ("announced = \"raw\"", 2, "add it to streams"),
     ] {

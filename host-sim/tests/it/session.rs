@@ -32,11 +32,7 @@ fn session(output: Output, pace: Pace, seconds: Option<u64>) -> Session {
         pace,
         clock_ppm: 0.0,
         mains: Mains::Hz50,
-        identity: Identity {
-            session_id: 1,
-            chip_uid: [0; 12],
-            ..Identity::default()
-        },
+        identity: Identity { session_id: 1, chip_uid: [0; 12], ..Identity::default() },
         limit: seconds.map(|seconds| 512 * seconds),
         faults: Faults::default(),
         trigger: None,
@@ -75,11 +71,7 @@ impl Running {
         let on_second =
             move |stats: &link::Stats, _| count.store(stats.codes_made, Ordering::Relaxed);
         let thread = thread::spawn(move || run_observed(&session, &flag, on_second));
-        Self {
-            stop,
-            codes,
-            thread: Some(thread),
-        }
+        Self { stop, codes, thread: Some(thread) }
     }
 
     fn finish(mut self) -> Report {
@@ -161,10 +153,7 @@ fn a_terminal_can_be_closed_and_opened_again() {
 
     let mut terminal = open_terminal(&link);
     let windows = read_codes(&mut terminal, 3);
-    assert!(
-        windows[0] >= 3 && windows[2] == windows[0] + 2,
-        "{windows:?}"
-    );
+    assert!(windows[0] >= 3 && windows[2] == windows[0] + 2, "{windows:?}");
     send(&mut terminal, 0, ToDevice::Stop);
     running.finish();
     assert!(!link.exists(), "the board removes its link");
@@ -202,10 +191,6 @@ fn a_second_host_replaces_the_first_and_virtual_time_waits_for_it() {
     assert_eq!(read_codes(&mut first, 2)[..2], [0, 1]);
     drop(first);
     let mut second = connect(&address);
-    assert!(
-        read_codes(&mut second, 20)
-            .windows(2)
-            .all(|pair| pair[1] == pair[0] + 1)
-    );
+    assert!(read_codes(&mut second, 20).windows(2).all(|pair| pair[1] == pair[0] + 1));
     running.finish();
 }

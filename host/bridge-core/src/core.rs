@@ -49,10 +49,7 @@ impl Core {
 
     /// Creates a core without a connection. Without a model, no codes are decoded.
     pub fn new(settings: Settings, model: Option<Arc<Model>>) -> Core {
-        Core {
-            decoder: Decoder::new(),
-            session: Session::new(settings, model),
-        }
+        Core { decoder: Decoder::new(), session: Session::new(settings, model) }
     }
 
     /// Records that a port was opened at `now`, and sends the first command.
@@ -213,10 +210,7 @@ impl Core {
     /// After [`Core::measure_impedance`], returns why the device refuses to measure impedance, and
     /// what the user can do; `None` if it has not refused.
     pub fn impedance_refusal(&self) -> Option<String> {
-        self.session
-            .commands
-            .impedance_refusal()
-            .map(words::impedance_refusal)
+        self.session.commands.impedance_refusal().map(words::impedance_refusal)
     }
 
     /// Asks every device whether it accepts a packed model, and also a linear code if

@@ -115,31 +115,17 @@ impl Device {
     ///
     /// [`DeviceError`] if the device's codes cannot be published.
     pub fn new(hello: &Hello, capabilities: &Capabilities) -> Result<Device, DeviceError> {
-        let Capabilities {
-            step_rate_hz,
-            window_steps,
-            hop_steps,
-            ..
-        } = *capabilities;
+        let Capabilities { step_rate_hz, window_steps, hop_steps, .. } = *capabilities;
         if hop_steps == 0 || step_rate_hz == 0 || step_rate_hz % u16::from(hop_steps) != 0 {
-            return Err(DeviceError::CodeRate {
-                step_rate_hz,
-                hop_steps,
-            });
+            return Err(DeviceError::CodeRate { step_rate_hz, hop_steps });
         }
         if window_steps < hop_steps {
-            return Err(DeviceError::Window {
-                window_steps,
-                hop_steps,
-            });
+            return Err(DeviceError::Window { window_steps, hop_steps });
         }
         let scale = capabilities.code_scale.to_vec();
         let zero_point = capabilities.code_zero_point.to_vec();
         if scale.len() != zero_point.len() {
-            return Err(DeviceError::Scales {
-                scales: scale.len(),
-                zero_points: zero_point.len(),
-            });
+            return Err(DeviceError::Scales { scales: scale.len(), zero_points: zero_point.len() });
         }
         let mut numbers = scale.iter().chain(std::iter::once(&capabilities.lsb_nv));
         if let Some(index) = numbers.position(|x| !(x.is_finite() && *x > 0.0)) {
@@ -197,10 +183,7 @@ impl Device {
             ("channel count", self.channels != other.channels),
             ("code format", self.code_format != other.code_format),
             ("code scale", self.scales() != other.scales()),
-            (
-                "volts per count",
-                self.full_scale_uv.to_bits() != other.full_scale_uv.to_bits(),
-            ),
+            ("volts per count", self.full_scale_uv.to_bits() != other.full_scale_uv.to_bits()),
         ];
         match differs.into_iter().find(|(_, differs)| *differs) {
             Some((what, _)) => Err(DeviceError::Changed { what }),

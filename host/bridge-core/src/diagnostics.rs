@@ -11,11 +11,7 @@ use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 /// since the device's boot, and the stack if more than 3/4 of it was used. The values of the status
 /// are the times of all stages.
 pub(crate) fn timing_status(timing: &Timing) -> DiagnosticStatus {
-    let Timing {
-        stages,
-        stack_used,
-        stack_size,
-    } = timing;
+    let Timing { stages, stack_used, stack_size } = timing;
     let late = stages.iter().filter(|stage| is_late(stage));
     let late: Vec<String> = late.map(|stage| stage.stage.to_string()).collect();
     let stack = format!("{stack_used} of {stack_size} bytes");
@@ -48,9 +44,7 @@ pub(crate) fn closest_to_deadline<'t>(
     let product = |worst: &StageTiming, deadline: &StageTiming| {
         u64::from(worst.worst_ns) * u64::from(deadline.deadline_ns)
     };
-    stages
-        .max_by(|one, other| product(one, other).cmp(&product(other, one)))
-        .copied()
+    stages.max_by(|one, other| product(one, other).cmp(&product(other, one))).copied()
 }
 
 /// Formats a stage's worst time with its deadline, such as "worst 122.5 us of 1953 us".
@@ -124,13 +118,7 @@ pub(crate) fn signal_quality_status(quality: &Quality, labels: &[String]) -> Dia
 }
 
 fn electrode_figures(electrode: &ElectrodeQuality) -> String {
-    let ElectrodeQuality {
-        rms_uv,
-        mains_uv,
-        mains_residual_uv,
-        samples_at_rail,
-        flat,
-    } = electrode;
+    let ElectrodeQuality { rms_uv, mains_uv, mains_residual_uv, samples_at_rail, flat } = electrode;
     let rail = match samples_at_rail {
         0 => String::new(),
         samples => format!(", {samples} samples at the rail"),
@@ -179,32 +167,18 @@ impl LinkLog {
     pub(crate) fn next_line(&mut self, now_us: i64) -> Option<String> {
         let is_over = |last_us| now_us - last_us >= PERIOD_US;
         let is_due = self.logged_us.is_none_or(is_over);
-        let LinkLog {
-            damaged,
-            lost,
-            between_runs,
-            all_between_runs,
-            ..
-        } = *self;
+        let LinkLog { damaged, lost, between_runs, all_between_runs, .. } = *self;
         if !is_due || (damaged, lost, between_runs) == (0, 0, 0) {
             return None;
         }
-        *self = LinkLog {
-            logged_us: Some(now_us),
-            all_between_runs,
-            ..LinkLog::default()
-        };
+        *self = LinkLog { logged_us: Some(now_us), all_between_runs, ..LinkLog::default() };
         let away = format!(
             "{between_runs} codes, blocks or samples are missing between two runs of the device"
         );
         if (damaged, lost) == (0, 0) {
             return Some(away);
         }
-        let away = if between_runs > 0 {
-            format!("; {away}")
-        } else {
-            String::new()
-        };
+        let away = if between_runs > 0 { format!("; {away}") } else { String::new() };
         Some(format!(
             "bad link: {damaged} frames damaged, {lost} codes, blocks, samples or events missing since \
              the last such line; check cable, connectors and --baud{away}"
@@ -237,10 +211,7 @@ mod tests {
         let mut log = LinkLog::default();
         log.add_missing(20, 20);
         let line = log.next_line(0).unwrap();
-        assert_eq!(
-            line,
-            "20 codes, blocks or samples are missing between two runs of the device"
-        );
+        assert_eq!(line, "20 codes, blocks or samples are missing between two runs of the device");
         log.add_missing(5, 22);
         let line = log.next_line(PERIOD_US).unwrap();
         assert!(line.contains("0 frames damaged, 3 codes"), "{line}");

@@ -20,11 +20,7 @@ pub struct Exclusions {
 impl Default for Exclusions {
     /// Leaves the choice to the device, which excludes the electrodes that it finds bad.
     fn default() -> Exclusions {
-        Exclusions {
-            always: Vec::new(),
-            never: Vec::new(),
-            automatic: true,
-        }
+        Exclusions { always: Vec::new(), never: Vec::new(), automatic: true }
     }
 }
 
@@ -35,10 +31,8 @@ impl Exclusions {
         let mut unknown = Vec::new();
         let mut mask = |wanted: &[String]| {
             wanted.iter().fold(0, |mask, label| {
-                let place = labels
-                    .iter()
-                    .take(64)
-                    .position(|known| known.eq_ignore_ascii_case(label));
+                let place =
+                    labels.iter().take(64).position(|known| known.eq_ignore_ascii_case(label));
                 if place.is_none() {
                     unknown.push(label.clone());
                 }
@@ -60,11 +54,7 @@ pub(crate) fn status(report: &Exclusion, device: &Device) -> DiagnosticStatus {
         none if none.is_empty() => "none".to_owned(),
         labels => labels,
     };
-    let ExclusionPolicy {
-        always,
-        never,
-        automatic,
-    } = report.policy;
+    let ExclusionPolicy { always, never, automatic } = report.policy;
     let state = if always & !report.excluded != 0 {
         let message = format!(
             "filled from the others: {}; not yet, or because there is no room: {}",
@@ -111,14 +101,8 @@ mod tests {
             automatic: false,
         };
         let (policy, unknown) = wanted.policy(&device);
-        assert_eq!(
-            (policy.always, policy.never, policy.automatic),
-            (4, 1, false)
-        );
+        assert_eq!((policy.always, policy.never, policy.automatic), (4, 1, false));
         assert_eq!(unknown, ["Xy"]);
-        assert_eq!(
-            labels(policy.always | 1 << 5, &device),
-            ["Cz", "electrode 5"]
-        );
+        assert_eq!(labels(policy.always | 1 << 5, &device), ["Cz", "electrode 5"]);
     }
 }

@@ -66,9 +66,7 @@ impl ImpedanceReport {
                 contact,
             }
         });
-        Self {
-            electrodes: electrodes.collect(),
-        }
+        Self { electrodes: electrodes.collect() }
     }
 
     /// Returns the status `impedance`. The message names the electrodes without a usable contact.
@@ -81,10 +79,7 @@ impl ImpedanceReport {
         let faults: Vec<String> = [
             with("open", Contact::Open),
             with("20 kOhm or more", Contact::Bad),
-            with(
-                "short-circuited or without excitation",
-                Contact::Implausible,
-            ),
+            with("short-circuited or without excitation", Contact::Implausible),
         ]
         .into_iter()
         .flatten()
@@ -122,10 +117,8 @@ impl ElectrodeImpedance {
 
     /// Returns the impedance in kilohms with one decimal place, or "open".
     pub fn kohm(&self) -> String {
-        self.ohms.map_or_else(
-            || "open".to_owned(),
-            |ohms| format!("{:.1}", f64::from(ohms) / 1000.0),
-        )
+        self.ohms
+            .map_or_else(|| "open".to_owned(), |ohms| format!("{:.1}", f64::from(ohms) / 1000.0))
     }
 }
 
@@ -175,10 +168,7 @@ mod tests {
             "open: Pz; 20 kOhm or more: Cz; short-circuited or without excitation: Oz"
         );
         let values: Vec<&str> = status.values.iter().map(|one| one.value.as_str()).collect();
-        assert_eq!(
-            values,
-            ["5.0 kOhm", "5.0 kOhm", "20.0 kOhm", "open", "0.0 kOhm"]
-        );
+        assert_eq!(values, ["5.0 kOhm", "5.0 kOhm", "20.0 kOhm", "open", "0.0 kOhm"]);
         let good = report(&measured[..2], 0).status();
         assert_eq!(good.level, DiagnosticLevel::Ok);
         assert_eq!(good.message, "2 electrodes below 20 kOhm");
@@ -188,10 +178,7 @@ mod tests {
     fn the_resistance_of_the_board_is_subtracted() {
         let report = report(&[22_100, 2_000, 50], 2_200);
         let contacts: Vec<Contact> = report.electrodes.iter().map(|one| one.contact).collect();
-        assert_eq!(
-            contacts,
-            [Contact::Fair, Contact::Good, Contact::Implausible]
-        );
+        assert_eq!(contacts, [Contact::Fair, Contact::Good, Contact::Implausible]);
         assert_eq!(report.electrodes[0].ohms, Some(19_900));
         assert_eq!(report.to_string(), " Fp1   19.9   Fp2    0.0    Cz    0.0");
         let json = serde_json::to_string(&report.electrodes[0]).expect("plain values");

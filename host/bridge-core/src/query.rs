@@ -186,9 +186,9 @@ impl Query {
                 let requested = matches!(self.stage, Stage::Request | Stage::Wait);
                 (requested && other).then_some(match self.request {
                     Request::Identify | Request::Reset(_) => Ok(Answer::Restarted(device)),
-                    Request::SelfTest => Err(QueryError::RestartedDuringTest {
-                        device: Box::new(device),
-                    }),
+                    Request::SelfTest => {
+                        Err(QueryError::RestartedDuringTest { device: Box::new(device) })
+                    }
                 })
             }
             ToHost::Capabilities(capabilities) => {
@@ -213,9 +213,7 @@ impl Query {
     }
 
     fn handle_ack(&mut self, ack: Ack, now_us: i64) -> Option<QueryResult> {
-        let pending = self
-            .pending
-            .filter(|pending| pending.is_acknowledged_by(ack.of))?;
+        let pending = self.pending.filter(|pending| pending.is_acknowledged_by(ack.of))?;
         match (self.stage, ack.result) {
             (Stage::Identify, _) => {
                 if let (Some((_, device)), Some(_)) = (&self.device, &self.montage) {
@@ -281,10 +279,7 @@ impl Query {
             (Stage::Request, Request::Reset(into)) => ToDevice::Reset(into),
             (Stage::Wait, Request::SelfTest) => return None,
         };
-        if self
-            .pending
-            .is_none_or(|pending| pending.retry_is_due(now_us))
-        {
+        if self.pending.is_none_or(|pending| pending.retry_is_due(now_us)) {
             self.send(command, now_us);
         }
         None

@@ -165,10 +165,8 @@ impl MessageTimes {
 impl Session {
     pub(crate) fn new(settings: Settings, model: Option<Arc<Model>>) -> Session {
         let commands = Commands::new(settings.mains_hz, settings.streams, settings.packed_rate);
-        let decoding = Decoding {
-            stream: DecodedStream::of(commands.streams()),
-            is_possible: false,
-        };
+        let decoding =
+            Decoding { stream: DecodedStream::of(commands.streams()), is_possible: false };
         let packed = model.as_ref().and_then(|model| model.packed());
         Session {
             settings,
@@ -214,10 +212,7 @@ impl Session {
     /// Sets the classifier of features, and queues its filters for the device.
     pub(crate) fn set_classifier(&mut self, classifier: Classifier) {
         let [first, second] =
-            classifier
-                .band
-                .sections
-                .map(|[gain, a1, a2]| BandPass { gain, a1, a2 });
+            classifier.band.sections.map(|[gain, a1, a2]| BandPass { gain, a1, a2 });
         self.commands.set_filters(FeatureFilters {
             id: classifier.id(),
             first,
@@ -311,10 +306,7 @@ impl Session {
 
     fn handle_message(&mut self, frame: &Frame<ToHost>, read: HostTime, effects: &mut dyn Effects) {
         let header = frame.header;
-        let at = MessageTimes {
-            device_us: header.device_time_us,
-            read,
-        };
+        let at = MessageTimes { device_us: header.device_time_us, read };
         self.commands.frame_received(read.monotonic_us);
         if let ToHost::Hello(hello) = &frame.message {
             self.handle_hello(hello, header);
@@ -371,10 +363,8 @@ impl Session {
             return;
         }
         // The clock is fitted to codes, and to samples only until the first code arrives.
-        let samples = matches!(
-            message,
-            ToHost::Raw(_) | ToHost::CompressedRaw(_) | ToHost::Filtered(_)
-        );
+        let samples =
+            matches!(message, ToHost::Raw(_) | ToHost::CompressedRaw(_) | ToHost::Filtered(_));
         let possible = if self.clock.is_known() {
             self.clock.is_possible(at.device_us, at.read)
         } else {
@@ -494,11 +484,7 @@ impl Session {
         let streams = stats.streams != stats.streams.without(hops);
         // If other streams alone were asked for, such as events, any reported stream means running.
         let asked = self.commands.streams();
-        let runs = if asked == asked.without(hops) {
-            !stats.streams.is_empty()
-        } else {
-            streams
-        };
+        let runs = if asked == asked.without(hops) { !stats.streams.is_empty() } else { streams };
         if runs {
             self.commands.stream_received(at.read.monotonic_us);
         }
@@ -526,10 +512,7 @@ impl Session {
     }
 
     fn handle_ack(&mut self, ack: Ack, read: HostTime, effects: &mut dyn Effects) {
-        match self
-            .commands
-            .handle_ack(ack.of, ack.result, read.monotonic_us)
-        {
+        match self.commands.handle_ack(ack.of, ack.result, read.monotonic_us) {
             AckEffect::NoChange => {}
             AckEffect::Started => {
                 tracing::info!("streaming {}", StreamKind::names(self.commands.streams()));
@@ -715,10 +698,8 @@ impl Session {
         };
         let wall_ns = self.clock.wall_ns(missing.start_us).unwrap_or(read.wall_ns);
         // If the device restarted, the missing data can begin before device time 0.
-        let place = EventPlace {
-            row,
-            device_us: Some(u64::try_from(missing.start_us).unwrap_or(0)),
-        };
+        let place =
+            EventPlace { row, device_us: Some(u64::try_from(missing.start_us).unwrap_or(0)) };
         self.side.bus.publish(&event, wall_ns, place, effects);
     }
 
@@ -839,13 +820,7 @@ impl Session {
         self.exclusion = Some(report);
         let wall_ns = self.clock.wall_ns(at.device_us.into());
         let wall_ns = wall_ns.unwrap_or(at.read.wall_ns);
-        self.publish_exclusion(
-            report.excluded,
-            labels,
-            wall_ns,
-            Some(at.device_us),
-            effects,
-        );
+        self.publish_exclusion(report.excluded, labels, wall_ns, Some(at.device_us), effects);
     }
 
     /// Publishes an event if the excluded electrodes have changed.
@@ -877,9 +852,7 @@ impl Session {
             return;
         };
         let labels = &codes.device().labels;
-        let was_off = before
-            .map(|before| before.electrodes_off(labels))
-            .unwrap_or_default();
+        let was_off = before.map(|before| before.electrodes_off(labels)).unwrap_or_default();
         let off = report.electrodes_off(labels);
         let event = if off == was_off {
             return;
@@ -891,10 +864,7 @@ impl Session {
         let wall_ns = self.clock.wall_ns(at.device_us.into());
         let wall_ns = wall_ns.unwrap_or(at.read.wall_ns);
         let row = self.next_row(None).map(|next| next.index);
-        let place = EventPlace {
-            row,
-            device_us: Some(at.device_us),
-        };
+        let place = EventPlace { row, device_us: Some(at.device_us) };
         self.side.bus.publish(&event, wall_ns, place, effects);
     }
 }

@@ -40,12 +40,7 @@ pub(crate) struct Check {
 
 impl Check {
     pub(crate) fn ok(name: &'static str, finding: impl Into<String>) -> Check {
-        Check {
-            name,
-            level: Level::Ok,
-            finding: finding.into(),
-            remedy: None,
-        }
+        Check { name, level: Level::Ok, finding: finding.into(), remedy: None }
     }
 
     pub(crate) fn warning(
@@ -53,11 +48,7 @@ impl Check {
         finding: impl Into<String>,
         remedy: impl Into<String>,
     ) -> Check {
-        Check {
-            level: Level::Warning,
-            remedy: Some(remedy.into()),
-            ..Check::ok(name, finding)
-        }
+        Check { level: Level::Warning, remedy: Some(remedy.into()), ..Check::ok(name, finding) }
     }
 
     pub(crate) fn error(
@@ -65,10 +56,7 @@ impl Check {
         finding: impl Into<String>,
         remedy: impl Into<String>,
     ) -> Check {
-        Check {
-            level: Level::Error,
-            ..Check::warning(name, finding, remedy)
-        }
+        Check { level: Level::Error, ..Check::warning(name, finding, remedy) }
     }
 
     pub(crate) fn unknown(
@@ -76,10 +64,7 @@ impl Check {
         finding: impl Into<String>,
         remedy: impl Into<String>,
     ) -> Check {
-        Check {
-            level: Level::Unknown,
-            ..Check::warning(name, finding, remedy)
-        }
+        Check { level: Level::Unknown, ..Check::warning(name, finding, remedy) }
     }
 }
 
@@ -94,11 +79,7 @@ pub(crate) struct Report {
 impl Report {
     pub(crate) fn new(checks: Vec<Check>) -> Report {
         let count = |level| checks.iter().filter(|check| check.level == level).count();
-        Report {
-            errors: count(Level::Error),
-            warnings: count(Level::Warning),
-            checks,
-        }
+        Report { errors: count(Level::Error), warnings: count(Level::Warning), checks }
     }
 }
 
@@ -117,14 +98,9 @@ impl fmt::Display for Report {
             }
         }
         let plural = |count| if count == 1 { "" } else { "s" };
-        let Report {
-            errors, warnings, ..
-        } = self;
+        let Report { errors, warnings, .. } = self;
         let (error_s, warning_s) = (plural(*errors), plural(*warnings));
-        write!(
-            formatter,
-            "\n{errors} error{error_s}, {warnings} warning{warning_s}"
-        )
+        write!(formatter, "\n{errors} error{error_s}, {warnings} warning{warning_s}")
     }
 }
 
@@ -178,10 +154,9 @@ pub(crate) fn check_disk(free: Option<u64>) -> Check {
     const NAME: &str = "disk";
     let remedy = "df -h . (record in a folder with more space)";
     match free {
-        Some(free) if free >= LEAST_SPACE => Check::ok(
-            NAME,
-            format!("{} GB free in this folder", free / 1_000_000_000),
-        ),
+        Some(free) if free >= LEAST_SPACE => {
+            Check::ok(NAME, format!("{} GB free in this folder", free / 1_000_000_000))
+        }
         Some(free) => Check::warning(
             NAME,
             format!(
@@ -203,10 +178,7 @@ mod tests {
         assert_eq!(check_clock(Some(true)).level, Level::Ok);
         let free = check_clock(Some(false));
         assert_eq!(free.level, Level::Warning);
-        assert_eq!(
-            free.remedy.as_deref(),
-            Some("sudo timedatectl set-ntp true")
-        );
+        assert_eq!(free.remedy.as_deref(), Some("sudo timedatectl set-ntp true"));
         assert_eq!(check_clock(None).level, Level::Unknown);
     }
 

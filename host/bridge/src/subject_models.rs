@@ -171,12 +171,10 @@ impl NewModel {
     /// Writes the files, and then gives the folder its name. Syncs the files to the disk first:
     /// after a power failure, a folder with this name could otherwise hold empty files.
     fn written(&self, artifact: &Artifact) -> io::Result<()> {
-        artifact
-            .write(self.unfinished.path())
-            .map_err(|error| match error {
-                ArtifactError::File { source, .. } => source,
-                error => io::Error::other(error),
-            })?;
+        artifact.write(self.unfinished.path()).map_err(|error| match error {
+            ArtifactError::File { source, .. } => source,
+            error => io::Error::other(error),
+        })?;
         for file in fs::read_dir(self.unfinished.path())? {
             File::open(file?.path())?.sync_all()?;
         }
@@ -224,15 +222,8 @@ mod tests {
     #[test]
     fn the_newest_complete_model_is_found_and_a_missing_one_names_the_others() {
         let folder = tempfile::tempdir().unwrap();
-        let models = SubjectModels {
-            folder: folder.path().to_owned(),
-        };
-        for model in [
-            "ada/2026-01-02",
-            "ada/2026-11-01",
-            "bob/2026-12-01",
-            "ada/.2027-01-01",
-        ] {
+        let models = SubjectModels { folder: folder.path().to_owned() };
+        for model in ["ada/2026-01-02", "ada/2026-11-01", "bob/2026-12-01", "ada/.2027-01-01"] {
             let model = folder.path().join(model);
             fs::create_dir_all(&model).unwrap();
             fs::write(model.join("model.toml"), "").unwrap();
@@ -243,10 +234,7 @@ mod tests {
         let newest = models.newest("ada").unwrap();
         assert_eq!(newest, folder.path().join("ada/2026-11-01"));
         let error = models.newest("eve").unwrap_err().to_string();
-        assert!(
-            error.contains("no model of eve; it has models of ada, bob;"),
-            "{error}"
-        );
+        assert!(error.contains("no model of eve; it has models of ada, bob;"), "{error}");
         // A folder that cannot be read is an error of its own, not a subject without a model.
         fs::write(folder.path().join("mia"), "").unwrap();
         let error = models.newest("mia").unwrap_err();

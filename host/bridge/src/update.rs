@@ -32,10 +32,7 @@ use crate::update::programmer::{Loader, program};
 /// RM0390, embedded flash). A loader with another description belongs to another chip.
 const BOARDS: [(&str, &str); 2] = [
     ("NUCLEO-H743ZI2", "@Internal Flash/0x08000000/16*128Kg"),
-    (
-        "NUCLEO-F446RE",
-        "@Internal Flash/0x08000000/04*016Kg,01*064Kg,03*128Kg",
-    ),
+    ("NUCLEO-F446RE", "@Internal Flash/0x08000000/04*016Kg,01*064Kg,03*128Kg"),
 ];
 
 /// Time limit for the loader to appear after the reset, and then for udev to permit opening it.
@@ -264,9 +261,7 @@ pub(crate) fn update<M: Machine>(
         let same = if is == wanted { ", the same" } else { "" };
         machine.note(&format!("{}: from {is} to {wanted}{same}", device.board));
         machine.start_loader()?;
-        retry(machine, LOADER_TIMEOUT, |machine| {
-            new_loader(machine, &present)
-        })?
+        retry(machine, LOADER_TIMEOUT, |machine| new_loader(machine, &present))?
     } else {
         let [id] = present[..] else {
             return Err(UpdateError::SeveralLoaders.into());
@@ -314,10 +309,9 @@ fn check_image(image: &Image) -> Result<FlashLayout, UpdateError> {
 /// False for a port that another program uses.
 fn is_silent(error: &BridgeError) -> bool {
     match error {
-        BridgeError::Unreachable { source, .. } => matches!(
-            source.kind(),
-            io::ErrorKind::NotFound | io::ErrorKind::ConnectionRefused
-        ),
+        BridgeError::Unreachable { source, .. } => {
+            matches!(source.kind(), io::ErrorKind::NotFound | io::ErrorKind::ConnectionRefused)
+        }
         BridgeError::Query(QueryError::NoAnswer { .. }) => true,
         _ => false,
     }

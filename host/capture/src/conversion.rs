@@ -224,14 +224,7 @@ pub fn convert<R: Read>(
     for file in new_files {
         file.finish()?;
     }
-    Ok(ConvertSummary {
-        files,
-        events: survey.events.len(),
-        left_out,
-        unfilled,
-        differing_s,
-        core,
-    })
+    Ok(ConvertSummary { files, events: survey.events.len(), left_out, unfilled, differing_s, core })
 }
 
 /// Returns the error for a failure to write the file at `path`.

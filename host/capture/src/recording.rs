@@ -262,11 +262,8 @@ mod tests {
         FileHeader, HostTime, MAX_PAYLOAD, Parsed, Record, RecordKind, RecordingError, Streams,
     };
 
-    const HEADER: FileHeader = FileHeader {
-        created_ns: 1_700_000_000_000_000_000,
-        streams: Streams::ALL,
-        mains_hz: 50,
-    };
+    const HEADER: FileHeader =
+        FileHeader { created_ns: 1_700_000_000_000_000_000, streams: Streams::ALL, mains_hz: 50 };
 
     #[test]
     fn a_header_is_read_back_and_other_files_and_damage_have_an_error_each() {
@@ -296,10 +293,7 @@ mod tests {
         for length in [0, 1, 166, MAX_PAYLOAD] {
             let record = Record {
                 kind: RecordKind::Received,
-                time: HostTime {
-                    monotonic_us: 12_345_678,
-                    wall_ns: -1,
-                },
+                time: HostTime { monotonic_us: 12_345_678, wall_ns: -1 },
                 payload: &payload[..length],
             };
             let mut bytes = Vec::new();

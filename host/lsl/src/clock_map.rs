@@ -61,10 +61,7 @@ impl ClockMap {
         if self.segments.len() == MOST_SEGMENTS {
             self.segments.pop_front();
         }
-        self.segments.push_back(Segment {
-            read_us: [host_us; 2],
-            offset: offset_us,
-        });
+        self.segments.push_back(Segment { read_us: [host_us; 2], offset: offset_us });
     }
 
     /// Converts the host time `host_us`, microseconds, to liblsl's time, seconds; `None` before the
@@ -131,10 +128,7 @@ mod tests {
         map.observe(woken_us, 15_000_000.5);
         close(map.lsl_s(19.9e6), 14.900_000_5);
         close(map.lsl_s(woken_us as f64), 15.000_000_5);
-        close(
-            map.lsl_s((19_900_000 + woken_us) as f64 / 2.0),
-            14.950_000_5,
-        );
+        close(map.lsl_s((19_900_000 + woken_us) as f64 / 2.0), 14.950_000_5);
         close(map.lsl_s(woken_us as f64 + 2e6), 17.000_000_5);
         // A sample from before the first reading.
         close(map.lsl_s(9e6), 4.000_000_5);

@@ -60,11 +60,7 @@ impl FrameCutter {
     ) -> Option<CutFrame> {
         let expected_s = self.next_s.unwrap_or(time_s);
         // Use the expected time for a sample without a valid time.
-        let time_s = if time_s.is_finite() {
-            time_s
-        } else {
-            expected_s
-        };
+        let time_s = if time_s.is_finite() { time_s } else { expected_s };
         let deviation_s = time_s - expected_s;
         let made_s = if deviation_s > LEAST_GAP_S {
             self.leave_gap(deviation_s);
@@ -110,9 +106,7 @@ impl FrameCutter {
         // Number of sample positions from the start of the unfinished frame to the new sample.
         let places = (self.filled + self.skipped_places()).saturating_add(missing);
         let frames = places.div_ceil(self.samples);
-        self.number = self
-            .number
-            .wrapping_add(u32::try_from(frames).unwrap_or(RESTART));
+        self.number = self.number.wrapping_add(u32::try_from(frames).unwrap_or(RESTART));
         self.skipped = frames.saturating_mul(self.samples) - places;
         self.filled = 0;
         self.values.clear();
@@ -130,11 +124,7 @@ impl FrameCutter {
 }
 
 #[cfg(test)]
-#[expect(
-    clippy::cast_precision_loss,
-    clippy::float_cmp,
-    reason = "small whole numbers"
-)]
+#[expect(clippy::cast_precision_loss, clippy::float_cmp, reason = "small whole numbers")]
 mod tests {
     use super::*;
 

@@ -192,10 +192,8 @@ fn stream(
                      so their delay is not known"
                 );
             }
-            let received = Received::Frame(
-                Box::new(channels.frame(&frame, samples)),
-                end.unwrap_or(now),
-            );
+            let received =
+                Received::Frame(Box::new(channels.frame(&frame, samples)), end.unwrap_or(now));
             if !pass(received) {
                 return Ok(false);
             }
@@ -219,10 +217,7 @@ fn host_time(host_us: f64, period_us: f64, now: HostTime) -> Option<HostTime> {
         [now.monotonic_us as f64 - host_us, period_us].map(|us| us.round() as i64);
     (-1_000_000..MOST_AGE_US).contains(&ago_us).then(|| {
         let ago_us = ago_us.max(-period_us);
-        HostTime {
-            monotonic_us: now.monotonic_us - ago_us,
-            wall_ns: now.wall_ns - ago_us * 1000,
-        }
+        HostTime { monotonic_us: now.monotonic_us - ago_us, wall_ns: now.wall_ns - ago_us * 1000 }
     })
 }
 
@@ -269,9 +264,7 @@ impl Channels {
                 return Err(InletError::Label(name, place + 1));
             }
             let unit = options.unit.clone().unwrap_or(unit);
-            let known = UNITS
-                .iter()
-                .find(|(known, _)| *known == unit.trim().to_lowercase());
+            let known = UNITS.iter().find(|(known, _)| *known == unit.trim().to_lowercase());
             let Some((_, microvolts)) = known else {
                 return Err(InletError::Unit(name, label, unit));
             };
@@ -304,10 +297,7 @@ impl Channels {
     }
 
     fn frame(&self, cut: &CutFrame, samples: u16) -> NeuroFrame {
-        let eeg = NeuroDataInfo {
-            nsamples: samples,
-            ..self.info.clone()
-        };
+        let eeg = NeuroDataInfo { nsamples: samples, ..self.info.clone() };
         let mut frame =
             NeuroFrame::zeros(self.rate_hz, "electrodes", eeg, NeuroDataInfo::default());
         frame.neuroheader.seq = cut.number;
@@ -347,10 +337,7 @@ mod tests {
     #[test]
     fn queries_name_a_property_or_are_a_name() {
         let parse = |text| InletOptions::parse_query(text);
-        assert_eq!(
-            parse("actiCHamp-1"),
-            Ok(["name", "actiCHamp-1"].map(str::to_owned))
-        );
+        assert_eq!(parse("actiCHamp-1"), Ok(["name", "actiCHamp-1"].map(str::to_owned)));
         assert_eq!(parse("type=EEG"), Ok(["type", "EEG"].map(str::to_owned)));
         for wrong in ["", "type=", "colour=red", "a'b"] {
             assert!(parse(wrong).is_err(), "{wrong}");
@@ -359,10 +346,7 @@ mod tests {
 
     #[test]
     fn a_sample_is_taken_in_the_past_and_other_clocks_are_found() {
-        let now = HostTime {
-            monotonic_us: 1_000_000_000,
-            wall_ns: 1_700_000_000_000_000_000,
-        };
+        let now = HostTime { monotonic_us: 1_000_000_000, wall_ns: 1_700_000_000_000_000_000 };
         let at = |host_us| host_time(host_us, 2_000.0, now).map(|time| time.monotonic_us);
         assert_eq!(at(999_000_000.0), Some(999_000_000));
         // Periods that began 1.5 ms ago and, by a wrong clock, 0.5 ms in the future.

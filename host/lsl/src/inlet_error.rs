@@ -133,49 +133,25 @@ mod tests {
     fn typed(streams: &[[&str; 3]]) -> Vec<String> {
         let streams = streams.iter().map(|of| {
             let [name, source_id, host] = of.map(str::to_owned);
-            Identity {
-                name,
-                source_id,
-                host,
-            }
+            Identity { name, source_id, host }
         });
         let choices = choices(&streams.collect::<Vec<_>>());
-        let typed = |choice: &String| {
-            choice
-                .split_once(" --source ")
-                .map(|(_, typed)| typed.to_owned())
-        };
-        choices
-            .iter()
-            .map(|choice| typed(choice).unwrap_or_default())
-            .collect()
+        let typed =
+            |choice: &String| choice.split_once(" --source ").map(|(_, typed)| typed.to_owned());
+        choices.iter().map(|choice| typed(choice).unwrap_or_default()).collect()
     }
 
     #[test]
     fn each_stream_is_chosen_by_the_first_property_that_no_other_has() {
-        assert_eq!(
-            typed(&[["a", "1", "pc"], ["b", "1", "pc"]]),
-            ["lsl:a", "lsl:b"]
-        );
+        assert_eq!(typed(&[["a", "1", "pc"], ["b", "1", "pc"]]), ["lsl:a", "lsl:b"]);
         let same_name = [["a", "1", "pc"], ["a", "2", "pc"]];
         assert_eq!(typed(&same_name), ["lsl:source_id=1", "lsl:source_id=2"]);
         // The name would be read as a property; the source id holds a space.
-        let hard = [
-            ["x=a", "", "pc"],
-            ["b", "my amp", "pc"],
-            ["b", "", "tablet"],
-        ];
-        let expected = [
-            "lsl:name=x=a",
-            "'lsl:source_id=my amp'",
-            "lsl:hostname=tablet",
-        ];
+        let hard = [["x=a", "", "pc"], ["b", "my amp", "pc"], ["b", "", "tablet"]];
+        let expected = ["lsl:name=x=a", "'lsl:source_id=my amp'", "lsl:hostname=tablet"];
         assert_eq!(typed(&hard), expected);
         assert_eq!(typed(&[["a", "1", "pc"], ["a", "1", "pc"]]), ["", ""]);
         // A quotation mark cannot be part of a query.
-        assert_eq!(
-            typed(&[["a'b", "1", "pc"], ["c", "2", "pc"]]),
-            ["lsl:source_id=1", "lsl:c"]
-        );
+        assert_eq!(typed(&[["a'b", "1", "pc"], ["c", "2", "pc"]]), ["lsl:source_id=1", "lsl:c"]);
     }
 }

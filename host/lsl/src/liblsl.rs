@@ -3,10 +3,7 @@
 //! Source of the declarations: the headers `lsl/common.h`, `streaminfo.h`, `xml.h`, `outlet.h`,
 //! `inlet.h` and `resolver.h` of liblsl 1.13 to 1.18. Outlets, descriptions and inlets are handles,
 //! which their owners in this file destroy. None of the owners is `Send`: each stays in its thread.
-#![expect(
-    unsafe_code,
-    reason = "liblsl is a C library, which is loaded when it is needed"
-)]
+#![expect(unsafe_code, reason = "liblsl is a C library, which is loaded when it is needed")]
 
 use std::ffi::{CStr, CString, OsStr, c_char, c_double, c_float, c_int, c_ulong, c_void};
 use std::ptr::{self, NonNull};
@@ -187,12 +184,7 @@ impl Functions {
         let found = unsafe { (self.lsl_resolve_bypred)(buffer, MOST_FOUND, query, 2, timeout_s) };
         self.checked(found)?;
         let found = handles.into_iter().filter_map(NonNull::new);
-        Ok(found
-            .map(|handle| Info {
-                functions: self,
-                handle,
-            })
-            .collect())
+        Ok(found.map(|handle| Info { functions: self, handle }).collect())
     }
 }
 
@@ -248,10 +240,7 @@ impl Info {
     pub(crate) fn desc(&self) -> Element<'_> {
         // SAFETY: the handle is valid. The element is a part of it, and borrows it.
         let element = unsafe { (self.functions.lsl_get_desc)(self.handle.as_ptr()) };
-        Element {
-            info: self,
-            element,
-        }
+        Element { info: self, element }
     }
 
     pub(crate) fn name(&self) -> String {
@@ -393,11 +382,7 @@ impl Outlet {
         // SAFETY: a valid description, which is copied.
         let handle = unsafe { create(info.handle.as_ptr(), 0, BUFFER_S) };
         let handle = NonNull::new(handle).ok_or_else(|| functions.last_error())?;
-        Ok(Outlet {
-            functions,
-            handle,
-            channels,
-        })
+        Ok(Outlet { functions, handle, channels })
     }
 
     /// Sends samples, one after the other in `values`, each with its time in seconds.
@@ -458,11 +443,7 @@ impl Inlet {
         // SAFETY: a valid description, which is copied.
         let handle = unsafe { create(info.handle.as_ptr(), BUFFER_S, 0, 1) };
         let handle = NonNull::new(handle).ok_or_else(|| functions.last_error())?;
-        Ok(Inlet {
-            functions,
-            handle,
-            channels,
-        })
+        Ok(Inlet { functions, handle, channels })
     }
 
     /// Returns the description including the element `desc`, which searches do not return.

@@ -105,10 +105,7 @@ mod tests {
     fn a_file_that_is_no_liblsl_is_named_with_the_reason() {
         let error = Library::load(Some(Path::new("/no/such/liblsl.so"))).unwrap_err();
         let text = error.to_string();
-        assert!(
-            text.starts_with("/no/such/liblsl.so cannot be loaded"),
-            "{text}"
-        );
+        assert!(text.starts_with("/no/such/liblsl.so cannot be loaded"), "{text}");
         // Another library lacks the functions.
         let error = Library::load(Some(Path::new("libm.so.6"))).unwrap_err();
         let LibraryError::File(_, LoadError::Function(name, _)) = error else {

@@ -59,15 +59,7 @@ impl Lsl {
                 failed.store(true, Ordering::Relaxed);
             }
         })?;
-        Ok(Lsl {
-            maker: SinkMaker {
-                jobs,
-                failed,
-                scale: Arc::default(),
-            },
-            received,
-            thread,
-        })
+        Ok(Lsl { maker: SinkMaker { jobs, failed, scale: Arc::default() }, received, thread })
     }
 
     /// Creates the sink of a stream. At most `room` frames wait; further frames are dropped.
@@ -148,11 +140,7 @@ impl Streams {
                     frame.queue.take();
                     self.send(&frame)?;
                 }
-                Ok(Job::Event {
-                    text,
-                    host_us,
-                    queue,
-                }) => {
+                Ok(Job::Event { text, host_us, queue }) => {
                     queue.take();
                     self.mark(&text, host_us)?;
                 }
@@ -203,15 +191,9 @@ impl Streams {
         };
         let host_us = signal
             .times
-            .of_frame(
-                frame.stamp_us,
-                frame.fillers.len(),
-                frame.fillers.contains(&true),
-            )
+            .of_frame(frame.stamp_us, frame.fillers.len(), frame.fillers.contains(&true))
             .collect::<Vec<f64>>();
-        let times_s = host_us
-            .iter()
-            .map(|us| self.clock.lsl_s(*us).unwrap_or_default());
+        let times_s = host_us.iter().map(|us| self.clock.lsl_s(*us).unwrap_or_default());
         let times_s: Vec<f64> = times_s.collect();
         let mut marks = Vec::new();
         for (is_filler, host_us) in frame.fillers.iter().zip(&host_us) {

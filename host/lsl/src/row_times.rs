@@ -123,10 +123,7 @@ mod tests {
         for frame in 0..60 {
             let is_filler = (20..50).contains(&frame);
             let all = times.of_frame(stamp_us, 8, is_filler).collect::<Vec<_>>();
-            assert!(
-                (all[7] - all[0] - 7.0 / 128.0 * 1e6).abs() < 1e-3,
-                "{frame}"
-            );
+            assert!((all[7] - all[0] - 7.0 / 128.0 * 1e6).abs() < 1e-3, "{frame}");
             stamp_us += if is_filler { 60_300.0 } else { 62_500.0 };
         }
     }

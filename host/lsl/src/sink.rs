@@ -127,29 +127,18 @@ impl SinkMaker {
     fn entry(&self, room: usize) -> Entry {
         Entry {
             jobs: self.jobs.clone(),
-            queue: Arc::new(Queue {
-                waiting: AtomicUsize::new(0),
-                room,
-            }),
+            queue: Arc::new(Queue { waiting: AtomicUsize::new(0), room }),
             dropped: 0,
             failed: Arc::clone(&self.failed),
         }
     }
 
     pub(crate) fn frames(&self, kind: StreamKind, room: usize) -> FrameSink {
-        FrameSink {
-            kind,
-            shape: None,
-            entry: self.entry(room),
-            scale: Arc::clone(&self.scale),
-        }
+        FrameSink { kind, shape: None, entry: self.entry(room), scale: Arc::clone(&self.scale) }
     }
 
     pub(crate) fn events(&self, room: usize) -> EventSink {
-        EventSink {
-            entry: self.entry(room),
-            scale: Arc::clone(&self.scale),
-        }
+        EventSink { entry: self.entry(room), scale: Arc::clone(&self.scale) }
     }
 }
 
@@ -194,9 +183,7 @@ fn values(frame: &NeuroFrame) -> Vec<f32> {
     let rows = eeg.data.chunks_exact(eeg.info.labels.len().max(1));
     let spare = exg.data.chunks_exact(exg.info.labels.len().max(1));
     let rows = rows.zip(spare);
-    rows.flat_map(|(eeg, exg)| eeg.iter().chain(exg))
-        .copied()
-        .collect()
+    rows.flat_map(|(eeg, exg)| eeg.iter().chain(exg)).copied().collect()
 }
 
 /// Returns whether each sample replaces a lost one.
@@ -215,15 +202,9 @@ pub struct EventSink {
 impl Sink<NeuroEvent> for EventSink {
     fn publish(&mut self, event: &NeuroEvent) -> Result<(), SinkError> {
         let shift_ns = self.scale.event_shift_us.load(Ordering::Relaxed) * 1000;
-        let host_us = self
-            .scale
-            .host_us(event.header.stamp.nanoseconds() - shift_ns);
+        let host_us = self.scale.host_us(event.header.stamp.nanoseconds() - shift_ns);
         let text = event.description.clone();
-        self.entry.push(|queue| Job::Event {
-            text,
-            host_us,
-            queue,
-        })
+        self.entry.push(|queue| Job::Event { text, host_us, queue })
     }
 
     fn dropped(&self) -> u64 {
@@ -255,15 +236,9 @@ mod tests {
     fn what_finds_no_room_is_counted_and_a_dead_thread_is_an_error() {
         let (jobs, received) = channel();
         let failed = Arc::<AtomicBool>::default();
-        let maker = SinkMaker {
-            jobs,
-            failed: Arc::clone(&failed),
-            scale: Arc::default(),
-        };
-        let (mut small, mut large) = (
-            maker.frames(StreamKind::Raw, 3),
-            maker.frames(StreamKind::Codes, 100),
-        );
+        let maker = SinkMaker { jobs, failed: Arc::clone(&failed), scale: Arc::default() };
+        let (mut small, mut large) =
+            (maker.frames(StreamKind::Raw, 3), maker.frames(StreamKind::Codes, 100));
         for _ in 0..10 {
             small.publish(&frame(2, 1)).unwrap();
             large.publish(&frame(2, 0)).unwrap();
@@ -279,20 +254,13 @@ mod tests {
         assert_eq!(first.values, [0.0, 1.0, 100.0, 2.0, 3.0, 101.0]);
         assert_eq!(first.fillers, [false, true]);
         failed.store(true, Ordering::Relaxed);
-        assert!(matches!(
-            large.publish(&frame(2, 0)),
-            Err(SinkError::Closed)
-        ));
+        assert!(matches!(large.publish(&frame(2, 0)), Err(SinkError::Closed)));
     }
 
     #[test]
     fn the_shape_is_shared_until_a_frame_has_another() {
         let (jobs, received) = channel();
-        let maker = SinkMaker {
-            jobs,
-            failed: Arc::default(),
-            scale: Arc::default(),
-        };
+        let maker = SinkMaker { jobs, failed: Arc::default(), scale: Arc::default() };
         let mut sink = maker.frames(StreamKind::Raw, 10);
         for electrodes in [2, 2, 3] {
             sink.publish(&frame(electrodes, 1)).unwrap();
@@ -313,11 +281,7 @@ mod tests {
         let (jobs, received) = channel();
         let scale = Arc::<StampScale>::default();
         scale.set(5_000_000_000, 250_000);
-        let maker = SinkMaker {
-            jobs,
-            failed: Arc::default(),
-            scale,
-        };
+        let maker = SinkMaker { jobs, failed: Arc::default(), scale };
         let mut event = NeuroEvent::on_bus();
         event.header.stamp = neuro_ros::Stamp::from_nanoseconds(7_500_000_000);
         maker.events(10).publish(&event).unwrap();

@@ -30,12 +30,7 @@ struct Response {
     frame: NeuroFrame,
 }
 
-impl_wire!(Response {
-    result,
-    device_model,
-    device_id,
-    frame
-});
+impl_wire!(Response { result, device_model, device_id, frame });
 
 impl AcquisitionInfo {
     /// Creates the announcement of a device whose frames have the shape of `frame`.
@@ -51,12 +46,7 @@ impl AcquisitionInfo {
         let shape = Shape::from_frame(&frame)?;
         let (device_model, device_id) = (device_model.to_owned(), device_id.to_owned());
         Ok(AcquisitionInfo {
-            response: Response {
-                result: true,
-                device_model,
-                device_id,
-                frame,
-            },
+            response: Response { result: true, device_model, device_id, frame },
             shape,
         })
     }
@@ -75,12 +65,7 @@ impl AcquisitionInfo {
     pub fn from_response(
         bytes: &[u8],
     ) -> Result<Option<Result<AcquisitionInfo, ContractError>>, WireError> {
-        let Response {
-            result,
-            device_model,
-            device_id,
-            frame,
-        } = Response::from_bytes(bytes)?;
+        let Response { result, device_model, device_id, frame } = Response::from_bytes(bytes)?;
         Ok(result.then(|| AcquisitionInfo::new(&device_model, &device_id, frame)))
     }
 
@@ -173,8 +158,6 @@ impl AcquisitionServices {
         ] {
             services.push(node.serve(name, &EMPTY, command(request)).await?);
         }
-        Ok(AcquisitionServices {
-            _services: services,
-        })
+        Ok(AcquisitionServices { _services: services })
     }
 }

@@ -88,11 +88,7 @@ impl_ros_message!(
     "diagnostic_msgs" / "DiagnosticStatus",
     "diagnostic_msgs" / "KeyValue"
 );
-impl_ros_message!(
-    UInt8,
-    "std_msgs" / "UInt8",
-    "7c8164229e7d2c17eb95e9231617fdee"
-);
+impl_ros_message!(UInt8, "std_msgs" / "UInt8", "7c8164229e7d2c17eb95e9231617fdee");
 impl_ros_message!(
     Log,
     "rosgraph_msgs" / "Log",

@@ -76,11 +76,7 @@ impl NdjsonWriter {
             // Sending fails if the `NdjsonWriter` was dropped without calling `finish`.
             let _ = done_sender.send(outcome);
         });
-        NdjsonWriter {
-            lines,
-            done,
-            pending,
-        }
+        NdjsonWriter { lines, done, pending }
     }
 
     /// Creates a sink for the messages of one topic, with a separate queue limit.
@@ -173,11 +169,7 @@ impl<M: Serialize> JsonLine<'_, M> {
 
 impl<M: Serialize> Sink<M> for NdjsonSink<M> {
     fn publish(&mut self, message: &M) -> Result<(), SinkError> {
-        let line = JsonLine {
-            topic: &self.topic,
-            device_time_us: None,
-            message,
-        };
+        let line = JsonLine { topic: &self.topic, device_time_us: None, message };
         let line = line.to_bytes()?;
         if !self.usage.reserve(line.len()) {
             self.dropped += 1;

@@ -30,10 +30,7 @@ impl Stamp {
                 let nsecs = (nanoseconds % SECOND_NS) as u32;
                 Stamp { secs, nsecs }
             }
-            Err(_) => Stamp {
-                secs: u32::MAX,
-                nsecs: 999_999_999,
-            },
+            Err(_) => Stamp { secs: u32::MAX, nsecs: 999_999_999 },
         }
     }
 
@@ -44,9 +41,7 @@ impl Stamp {
 
     /// Returns the current time of the host's wall clock.
     pub fn now() -> Stamp {
-        let since = SystemTime::now()
-            .duration_since(UNIX_EPOCH)
-            .unwrap_or(Duration::ZERO);
+        let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or(Duration::ZERO);
         Stamp::from_nanoseconds(i64::try_from(since.as_nanos()).unwrap_or(i64::MAX))
     }
 
@@ -70,11 +65,7 @@ pub struct Header {
     pub frame_id: String,
 }
 
-impl_wire!(Header {
-    seq,
-    stamp,
-    frame_id
-});
+impl_wire!(Header { seq, stamp, frame_id });
 
 /// `rosneuro_msgs/NeuroHeader`: the sequence number of a frame or event.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -117,10 +108,7 @@ impl NeuroEvent {
 
     /// Returns an event of the trigger input, still without sequence number, time and event code.
     pub fn on_bus() -> NeuroEvent {
-        let mut event = NeuroEvent {
-            version: "1".to_owned(),
-            ..NeuroEvent::default()
-        };
+        let mut event = NeuroEvent { version: "1".to_owned(), ..NeuroEvent::default() };
         "trigger".clone_into(&mut event.header.frame_id);
         event
     }
@@ -135,15 +123,7 @@ impl NeuroEvent {
     }
 }
 
-impl_wire!(NeuroEvent {
-    header,
-    neuroheader,
-    version,
-    event,
-    duration,
-    family,
-    description
-});
+impl_wire!(NeuroEvent { header, neuroheader, version, event, duration, family, description });
 
 /// `rosneuro_msgs/NeuroFrame`: the samples of all channels over a fixed number of time steps.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -195,35 +175,16 @@ impl NeuroFrame {
             exg.minmax = vec![0.0, 0.0];
         }
         let tri = tri_info(nsamples);
-        let mut frame = NeuroFrame {
-            sr,
-            ..NeuroFrame::default()
-        };
+        let mut frame = NeuroFrame { sr, ..NeuroFrame::default() };
         frame_id.clone_into(&mut frame.header.frame_id);
-        frame.eeg = NeuroDataFloat {
-            data: vec![0.0; values(eeg.nchannels)],
-            info: eeg,
-        };
-        frame.exg = NeuroDataFloat {
-            data: vec![0.0; values(exg.nchannels)],
-            info: exg,
-        };
-        frame.tri = NeuroDataInt32 {
-            data: vec![0; values(tri.nchannels)],
-            info: tri,
-        };
+        frame.eeg = NeuroDataFloat { data: vec![0.0; values(eeg.nchannels)], info: eeg };
+        frame.exg = NeuroDataFloat { data: vec![0.0; values(exg.nchannels)], info: exg };
+        frame.tri = NeuroDataInt32 { data: vec![0; values(tri.nchannels)], info: tri };
         frame
     }
 }
 
-impl_wire!(NeuroFrame {
-    header,
-    neuroheader,
-    sr,
-    eeg,
-    exg,
-    tri
-});
+impl_wire!(NeuroFrame { header, neuroheader, sr, eeg, exg, tri });
 
 /// `rosneuro_msgs/NeuroOutput`: what a decoder predicts, one value for each class.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -242,13 +203,7 @@ pub struct NeuroOutput {
     pub decoder: NeuroDecoder,
 }
 
-impl_wire!(NeuroOutput {
-    header,
-    neuroheader,
-    softpredict,
-    hardpredict,
-    decoder
-});
+impl_wire!(NeuroOutput { header, neuroheader, softpredict, hardpredict, decoder });
 
 /// `rosneuro_msgs/NeuroDecoder`: the decoder that made a prediction.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
@@ -261,11 +216,7 @@ pub struct NeuroDecoder {
     pub classes: Vec<i32>,
 }
 
-impl_wire!(NeuroDecoder {
-    r#type,
-    path,
-    classes
-});
+impl_wire!(NeuroDecoder { r#type, path, classes });
 
 /// `rosneuro_msgs/NeuroDataInfo`: shape and meaning of a block of samples.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -297,12 +248,7 @@ impl NeuroDataInfo {
     #[must_use]
     pub fn with_labels(self, labels: Vec<String>) -> NeuroDataInfo {
         let nchannels = u16::try_from(labels.len()).unwrap_or(u16::MAX);
-        NeuroDataInfo {
-            nchannels,
-            stride: nchannels.saturating_mul(4),
-            labels,
-            ..self
-        }
+        NeuroDataInfo { nchannels, stride: nchannels.saturating_mul(4), labels, ..self }
     }
 }
 

@@ -113,21 +113,11 @@ impl Shape {
                 .map_err(|error| ContractError::Block(name, error))?;
         }
         if nsamples == 0 || frame.sr == 0 || !frame.sr.is_multiple_of(nsamples) {
-            return Err(ContractError::Rate {
-                sr: frame.sr,
-                nsamples,
-            });
+            return Err(ContractError::Rate { sr: frame.sr, nsamples });
         }
-        let nchannels = [
-            frame.eeg.info.nchannels,
-            frame.exg.info.nchannels,
-            frame.tri.info.nchannels,
-        ];
-        Ok(Shape {
-            sr: frame.sr,
-            nsamples,
-            nchannels,
-        })
+        let nchannels =
+            [frame.eeg.info.nchannels, frame.exg.info.nchannels, frame.tri.info.nchannels];
+        Ok(Shape { sr: frame.sr, nsamples, nchannels })
     }
 
     /// Checks that a frame fulfils the contract and has this shape.
@@ -141,10 +131,7 @@ impl Shape {
         if found == *self {
             Ok(())
         } else {
-            Err(ContractError::Changed {
-                expected: Box::new(*self),
-                found: Box::new(found),
-            })
+            Err(ContractError::Changed { expected: Box::new(*self), found: Box::new(found) })
         }
     }
 }
@@ -176,11 +163,7 @@ fn check_block(
     // same number of samples per channel as `eeg`.
     let expected = usize::from(nsamples) * usize::from(nchannels);
     if length != expected || (nchannels > 0 && info.nsamples != nsamples) {
-        return Err(BlockError::Length {
-            length,
-            nsamples: info.nsamples,
-            nchannels,
-        });
+        return Err(BlockError::Length { length, nsamples: info.nsamples, nchannels });
     }
     Ok(())
 }

@@ -76,16 +76,9 @@ impl<M: RosMessage> RosSink<M> {
         topic: &str,
         queue: usize,
     ) -> Result<RosSink<M>, NodeError> {
-        let options = PublisherOptions {
-            queue,
-            latch: false,
-        };
+        let options = PublisherOptions { queue, latch: false };
         let publisher = node.advertise(topic, M::TYPE, options).await?;
-        Ok(RosSink {
-            publisher,
-            body: Vec::new(),
-            message: std::marker::PhantomData,
-        })
+        Ok(RosSink { publisher, body: Vec::new(), message: std::marker::PhantomData })
     }
 
     /// Returns the topic's publisher, which counts the subscribers and the dropped messages.

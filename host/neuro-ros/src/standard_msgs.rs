@@ -31,13 +31,7 @@ pub struct DiagnosticStatus {
     pub values: Vec<KeyValue>,
 }
 
-impl_wire!(DiagnosticStatus {
-    level,
-    name,
-    message,
-    hardware_id,
-    values
-});
+impl_wire!(DiagnosticStatus { level, name, message, hardware_id, values });
 
 impl DiagnosticStatus {
     /// Creates the status `corticode: NAME` of a component without a hardware id.
@@ -70,10 +64,7 @@ impl_wire!(KeyValue { key, value });
 impl KeyValue {
     /// Creates an entry named `key`, which includes the unit; `value` is formatted with `Display`.
     pub fn new(key: &str, value: &dyn std::fmt::Display) -> KeyValue {
-        KeyValue {
-            key: key.to_owned(),
-            value: value.to_string(),
-        }
+        KeyValue { key: key.to_owned(), value: value.to_string() }
     }
 }
 
@@ -142,16 +133,7 @@ impl Log {
     pub const ERROR: u8 = 8;
 }
 
-impl_wire!(Log {
-    header,
-    level,
-    name,
-    msg,
-    file,
-    function,
-    line,
-    topics
-});
+impl_wire!(Log { header, level, name, msg, file, function, line, topics });
 
 /// `std_msgs/UInt8`: one number of 8 bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -3,9 +3,8 @@
 use crate::rosneuro_msgs::NeuroDataInfo;
 
 /// Labels of the eight `tri` channels, in the order of [`TriWords::words`].
-pub const TRI_LABELS: [&str; 8] = [
-    "flags", "seq_lo", "seq_hi", "t_us_0", "t_us_1", "t_us_2", "lost", "trigger",
-];
+pub const TRI_LABELS: [&str; 8] =
+    ["flags", "seq_lo", "seq_hi", "t_us_0", "t_us_1", "t_us_2", "lost", "trigger"];
 
 /// Status of one code, packed block, sample or step, published as eight `tri` words.
 ///

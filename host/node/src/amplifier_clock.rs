@@ -42,11 +42,7 @@ impl AmplifierClock {
     /// microseconds.
     pub(crate) fn pause(&mut self, start_us: u64, end_us: u64, read: HostTime) -> u64 {
         let expected_us = self.host_us(end_us + self.paused_us);
-        let late_us = read
-            .monotonic_us
-            .saturating_sub(expected_us)
-            .max(0)
-            .unsigned_abs();
+        let late_us = read.monotonic_us.saturating_sub(expected_us).max(0).unsigned_abs();
         #[expect(
             clippy::cast_precision_loss,
             clippy::cast_possible_truncation,
@@ -97,10 +93,7 @@ impl AmplifierClock {
     /// Returns the host time at a device time, microseconds; 0 before the first frame.
     fn host_us(&self, device_us: u64) -> i64 {
         let host_us = self.fit.host_us(device_us.into()).unwrap_or_default();
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "within 2^53 us (285 years)"
-        )]
+        #[expect(clippy::cast_possible_truncation, reason = "within 2^53 us (285 years)")]
         let host_us = host_us.round() as i64;
         host_us
     }

@@ -35,9 +35,7 @@ fn publish(mut ros: NodeOptions, arguments: Vec<String>) -> Result<(), BridgeErr
     }
     // One thread reads the frames and writes the sockets: a code passed to another thread would
     // wait until that thread wakes up.
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()?;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let names = Options::parameter_names();
     let arguments = parameters_to_flags(arguments, &names)?;
     let given = matches(&arguments);
@@ -70,9 +68,7 @@ fn publish(mut ros: NodeOptions, arguments: Vec<String>) -> Result<(), BridgeErr
         realtime: options.realtime.realtime,
         record_dir: options.viewing.record_dir.clone(),
     };
-    let page = options
-        .page()
-        .map(|page| LivePage::new("corticode-node", page));
+    let page = options.page().map(|page| LivePage::new("corticode-node", page));
     let mains = options.mains();
     let stream = match options.source.clone() {
         SourceKind::Ros => None,

@@ -35,12 +35,7 @@ pub(crate) struct Options {
     pub(crate) ros_master_uri: Option<String>,
     /// Namespace of the node, its topics and services, such as /left for /left/neurodata and
     /// /left/encoded; /diagnostics keeps its name
-    #[arg(
-        long,
-        env = "CORTICODE_TOPIC_PREFIX",
-        default_value = "",
-        value_name = "PREFIX"
-    )]
+    #[arg(long, env = "CORTICODE_TOPIC_PREFIX", default_value = "", value_name = "PREFIX")]
     pub(crate) topic_prefix: String,
     /// Source of the EEG: `ros`, the topic /neurodata, or `lsl:NAME`, a stream of the Lab Streaming
     /// Layer; lsl:type=EEG, lsl:source_id=ID and lsl:hostname=HOST find it by another property
@@ -128,12 +123,7 @@ fn source(text: &str) -> Result<SourceKind, String> {
 pub(crate) struct StreamOptions {
     /// With --source lsl, labels of all channels of the stream, such as Fp1,Fp2, in place of its
     /// own
-    #[arg(
-        long,
-        env = "CORTICODE_SOURCE_LABELS",
-        value_name = "LABELS",
-        value_delimiter = ','
-    )]
+    #[arg(long, env = "CORTICODE_SOURCE_LABELS", value_name = "LABELS", value_delimiter = ',')]
     source_labels: Vec<String>,
     /// With --source lsl, unit of the samples in place of the stream's own
     #[arg(long, env = "CORTICODE_SOURCE_UNIT", value_parser = ["microvolts", "millivolts", "volts"])]
@@ -170,9 +160,7 @@ impl Options {
     /// Returns the names of the private parameters that set options.
     pub(crate) fn parameter_names() -> Vec<String> {
         let command = Options::command();
-        let ids = command
-            .get_arguments()
-            .map(|option| option.get_id().as_str());
+        let ids = command.get_arguments().map(|option| option.get_id().as_str());
         let ids = ids.filter(|id| !["ros_master_uri", "quiet", "verbose"].contains(id));
         ids.map(str::to_owned).collect()
     }
@@ -228,10 +216,7 @@ mod tests {
             Options::try_parse_from(arguments)
         };
         let options = parse(&[]).unwrap();
-        assert_eq!(
-            (options.mains(), options.log_level()),
-            (Mains::Hz50, "info")
-        );
+        assert_eq!((options.mains(), options.log_level()), (Mains::Hz50, "info"));
         let options = parse(&[
             "--mains=60",
             "--announce=reconstructed",
@@ -240,10 +225,7 @@ mod tests {
             "-q",
         ]);
         let options = options.unwrap();
-        assert_eq!(
-            (options.mains(), options.log_level()),
-            (Mains::Hz60, "warn")
-        );
+        assert_eq!((options.mains(), options.log_level()), (Mains::Hz60, "warn"));
         let settings = options.settings();
         assert_eq!(settings.announced, AnnouncedStream::Reconstructed);
         assert!(settings.low_latency && settings.mains_hz == 60);
@@ -265,10 +247,7 @@ mod tests {
             panic!("{:?}", options.source);
         };
         let inlet = options.stream.inlet(query);
-        assert_eq!(
-            (inlet.query.join("="), inlet.labels.len()),
-            ("type=EEG".to_owned(), 2)
-        );
+        assert_eq!((inlet.query.join("="), inlet.labels.len()), ("type=EEG".to_owned(), 2));
         let names = Options::parameter_names();
         assert!(names.contains(&"mains".to_owned()) && !names.contains(&"quiet".to_owned()));
     }

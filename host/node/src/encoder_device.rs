@@ -90,18 +90,13 @@ impl EncoderDevice {
         let counts = self.counts();
         let mut started = None;
         let producer = &mut self.producer;
-        self.session.receive(
-            bytes,
-            now_us,
-            counts,
-            &mut *self.slot,
-            &mut self.sender,
-            |order| match order {
+        self.session.receive(bytes, now_us, counts, &mut *self.slot, &mut self.sender, |order| {
+            match order {
                 Order::Start(run) => started = Some(run),
                 Order::SetExclusion(policy) => producer.set_exclusion(policy),
                 _ => {}
-            },
-        );
+            }
+        });
         if let Some(filters) = self.session.take_filters() {
             producer.set_filters(filters);
         }
@@ -129,10 +124,7 @@ impl EncoderDevice {
         let step_index = self.steps;
         let step = self.acquisition.process_sample(sample);
         self.steps += u64::from(step.is_some());
-        let marks = Marks {
-            overrun: is_lost,
-            ..Marks::NONE
-        };
+        let marks = Marks { overrun: is_lost, ..Marks::NONE };
         let acquired = AcquiredSample {
             new_run: self.new_run.take(),
             sample: *sample,
@@ -159,8 +151,7 @@ impl EncoderDevice {
             session.send(&output, sender);
         };
         let uploaded = self.slot.weights();
-        self.producer
-            .process_with(uploaded.as_ref(), &acquired, &mut emit);
+        self.producer.process_with(uploaded.as_ref(), &acquired, &mut emit);
     }
 
     /// Sends the device's counters, from which the host knows that the device still runs.
@@ -175,9 +166,6 @@ impl EncoderDevice {
     }
 
     fn counts(&self) -> Counts {
-        Counts {
-            clipped: self.producer.clipped(),
-            ..self.counts
-        }
+        Counts { clipped: self.producer.clipped(), ..self.counts }
     }
 }

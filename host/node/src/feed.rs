@@ -147,9 +147,8 @@ impl SourceFeed {
 
     fn facts(&self) -> SourceFacts {
         let source = self.source.as_ref();
-        let silent_us = self
-            .newest
-            .map(|newest| HostTime::now().monotonic_us - newest.monotonic_us);
+        let silent_us =
+            self.newest.map(|newest| HostTime::now().monotonic_us - newest.monotonic_us);
         let delay_us = source.map_or(0, Source::delay_us);
         SourceFacts {
             topic: self.frames.name().to_owned(),

@@ -44,26 +44,19 @@ impl Frames {
         let count = Arc::clone(&dropped);
         let thread = std::thread::Builder::new().name("lsl inlet".to_owned());
         thread.spawn(move || {
-            lsl::receive(library, &options, |received| {
-                match sender.try_send(received) {
-                    Ok(()) => true,
-                    Err(TrySendError::Full(lost)) => {
-                        count.fetch_add(
-                            u64::from(matches!(lost, Received::Frame(..))),
-                            Ordering::Relaxed,
-                        );
-                        true
-                    }
-                    Err(TrySendError::Closed(_)) => false,
+            lsl::receive(library, &options, |received| match sender.try_send(received) {
+                Ok(()) => true,
+                Err(TrySendError::Full(lost)) => {
+                    count.fetch_add(
+                        u64::from(matches!(lost, Received::Frame(..))),
+                        Ordering::Relaxed,
+                    );
+                    true
                 }
+                Err(TrySendError::Closed(_)) => false,
             });
         })?;
-        Ok(Frames::Stream(StreamFrames {
-            name,
-            received,
-            matching: 0,
-            dropped,
-        }))
+        Ok(Frames::Stream(StreamFrames { name, received, matching: 0, dropped }))
     }
 
     /// Waits for the next frame. Returns it with the time at which its last sample was made, or if
@@ -75,12 +68,10 @@ impl Frames {
                 let body = subscriber.recv().await?;
                 // Read the clock before the frame is decoded: this is the time of its arrival.
                 let read = HostTime::now();
-                Some(
-                    match (NeuroFrame::from_bytes(&body), subscriber.publishers()) {
-                        (Ok(_), publishers @ 2..) => Err(Refusal::Mixed(publishers)),
-                        (frame, _) => frame.map(|frame| (frame, read)).map_err(Refusal::from),
-                    },
-                )
+                Some(match (NeuroFrame::from_bytes(&body), subscriber.publishers()) {
+                    (Ok(_), publishers @ 2..) => Err(Refusal::Mixed(publishers)),
+                    (frame, _) => frame.map(|frame| (frame, read)).map_err(Refusal::from),
+                })
             }
             Frames::Stream(stream) => loop {
                 match stream.received.recv().await? {

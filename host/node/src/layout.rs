@@ -48,11 +48,7 @@ impl Layout {
         if !UNITS.contains(&info.unit.trim().to_lowercase().as_str()) {
             return Err(Refusal::Unit(info.unit.clone()));
         }
-        Ok(Layout {
-            rate_hz: frame.sr,
-            samples: info.nsamples,
-            labels: info.labels.clone(),
-        })
+        Ok(Layout { rate_hz: frame.sr, samples: info.nsamples, labels: info.labels.clone() })
     }
 
     /// Checks that a frame has this layout, and that no value in it is NaN or infinite.
@@ -64,11 +60,7 @@ impl Layout {
         let found = Layout::from_frame(frame)?;
         let changed = |what, expected: &dyn fmt::Display, found: &dyn fmt::Display| {
             let [expected, found] = [expected, found].map(ToString::to_string);
-            Err(Refusal::Changed {
-                what,
-                expected,
-                found,
-            })
+            Err(Refusal::Changed { what, expected, found })
         };
         if found.rate_hz != self.rate_hz {
             return changed("the rate in Hz", &self.rate_hz, &found.rate_hz);

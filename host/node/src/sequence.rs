@@ -64,10 +64,8 @@ mod tests {
     fn arrivals(numbers: &[u32]) -> Vec<Arrival> {
         let mut sequence = Sequence::default();
         let mut record = |seq: &u32| {
-            let frame = NeuroFrame {
-                neuroheader: NeuroHeader { seq: *seq },
-                ..NeuroFrame::default()
-            };
+            let frame =
+                NeuroFrame { neuroheader: NeuroHeader { seq: *seq }, ..NeuroFrame::default() };
             sequence.record(&frame, 62_500)
         };
         numbers.iter().map(&mut record).collect()

@@ -212,9 +212,7 @@ impl Source {
             let at_us = self.device_us();
             self.outputs += 1;
             // The virtual ADC can have more channels than a sample. Leave out the excess channels.
-            let sample = Sample {
-                counts: std::array::from_fn(|channel| counts[channel]),
-            };
+            let sample = Sample { counts: std::array::from_fn(|channel| counts[channel]) };
             self.device.process(&sample, is_lost, at_us);
             self.collect(at_us);
         }
@@ -224,9 +222,10 @@ impl Source {
     pub fn receive(&mut self, bytes: &[u8], now: HostTime) {
         // Between two frames the device time follows the host's clock, by one frame at most: later
         // times belong to the samples of the next frame.
-        let since_us = self.clock.newest().map_or(0, |arrival| {
-            now.monotonic_us.saturating_sub(arrival.monotonic_us)
-        });
+        let since_us = self
+            .clock
+            .newest()
+            .map_or(0, |arrival| now.monotonic_us.saturating_sub(arrival.monotonic_us));
         let since_us = since_us.clamp(0, self.layout.frame_us());
         let now_us = self.device_us().saturating_add_signed(since_us);
         self.device.receive(bytes, now_us);
@@ -299,16 +298,9 @@ impl Source {
 }
 
 fn adc(layout: &Layout, map: &MontageMap) -> Result<LiveAdc, Refusal> {
-    let spec = AdcSpec {
-        rate_hz: model::ADC_RATE_HZ.into(),
-        lsb_uv: f64::from(model::LSB_NV) / 1_000.0,
-    };
-    Ok(LiveAdc::new(
-        &layout.labels,
-        layout.rate_hz.into(),
-        map,
-        spec,
-    )?)
+    let spec =
+        AdcSpec { rate_hz: model::ADC_RATE_HZ.into(), lsb_uv: f64::from(model::LSB_NV) / 1_000.0 };
+    Ok(LiveAdc::new(&layout.labels, layout.rate_hz.into(), map, spec)?)
 }
 
 /// Returns the set of the montage's electrodes that are interpolated, and the set that are 0.

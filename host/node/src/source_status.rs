@@ -52,10 +52,7 @@ pub(crate) fn status(facts: &SourceFacts, before: &SourceFacts) -> DiagnosticSta
         (DiagnosticLevel::Error, message)
     } else if refused > 0 {
         let why = facts.refusal.as_deref().unwrap_or_default();
-        (
-            DiagnosticLevel::Error,
-            format!("{refused} frames refused: {why}"),
-        )
+        (DiagnosticLevel::Error, format!("{refused} frames refused: {why}"))
     } else if let ([fault, ..], 0) = (&*facts.unreachable, facts.publishers) {
         let message = format!("the publisher of {topic} cannot be reached: {fault}");
         (DiagnosticLevel::Error, message)
@@ -91,10 +88,7 @@ pub(crate) fn status(facts: &SourceFacts, before: &SourceFacts) -> DiagnosticSta
     let silent = facts.silent_s.map(|seconds| format!("{seconds:.1}"));
     let mut values = vec![
         KeyValue::new("topic", topic),
-        KeyValue::new(
-            "layout",
-            facts.layout.as_ref().map_or(&"unknown", |text| text),
-        ),
+        KeyValue::new("layout", facts.layout.as_ref().map_or(&"unknown", |text| text)),
         KeyValue::new("publishers", &facts.publishers),
         KeyValue::new("publishers not reached", &facts.unreachable.len()),
         KeyValue::new("frames encoded", &facts.counts.encoded),
@@ -128,20 +122,14 @@ mod tests {
         let level = |facts: &SourceFacts, before| status(facts, before).level;
         assert_eq!(level(&calm, &calm), DiagnosticLevel::Ok);
         let lossy = SourceFacts {
-            counts: SourceCounts {
-                lost: 3,
-                ..SourceCounts::default()
-            },
+            counts: SourceCounts { lost: 3, ..SourceCounts::default() },
             ..calm.clone()
         };
         let report = status(&lossy, &calm);
         assert_eq!(report.level, DiagnosticLevel::Warn);
         assert_eq!(report.message, "3 frames lost since the last report");
         assert_eq!(level(&lossy, &lossy), DiagnosticLevel::Ok);
-        let silent = SourceFacts {
-            silent_s: Some(5.0),
-            ..lossy.clone()
-        };
+        let silent = SourceFacts { silent_s: Some(5.0), ..lossy.clone() };
         assert_eq!(level(&silent, &calm), DiagnosticLevel::Error);
         let unreachable = SourceFacts {
             publishers: 0,
@@ -150,10 +138,7 @@ mod tests {
         };
         let message = status(&unreachable, &calm).message;
         assert!(message.ends_with("cannot be reached: http://lab:1/: lab does not resolve"));
-        let two = SourceFacts {
-            publishers: 2,
-            ..calm.clone()
-        };
+        let two = SourceFacts { publishers: 2, ..calm.clone() };
         assert!(status(&two, &calm).message.starts_with("2 nodes publish"));
         // For several LSL streams, the message is the refusal, which says what to type.
         let streams = SourceFacts {

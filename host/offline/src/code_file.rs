@@ -181,18 +181,11 @@ impl Announcement {
     /// Checks that every value of a code has a scale and a zero point.
     pub(crate) fn check(&self, numbers: usize) -> Result<(), CodeFileError> {
         let lengths = [self.scale.len(), self.zero_point.len()];
-        let usable = self
-            .scale
-            .iter()
-            .all(|scale| scale.is_finite() && *scale > 0.0);
+        let usable = self.scale.iter().all(|scale| scale.is_finite() && *scale > 0.0);
         if lengths == [numbers; 2] && usable {
             return Ok(());
         }
-        Err(CodeFileError::Scales {
-            scales: lengths[0],
-            zero_points: lengths[1],
-            numbers,
-        })
+        Err(CodeFileError::Scales { scales: lengths[0], zero_points: lengths[1], numbers })
     }
 }
 
@@ -302,8 +295,7 @@ impl<R: Read> CodeFile<R> {
     /// Returns the wanted kind of codes if all codes so far are of the other kind; otherwise
     /// `None`.
     pub(crate) fn missing_kind(&self) -> Option<CodeKind> {
-        self.kind
-            .filter(|_| self.left_out > 0 && self.last.is_none())
+        self.kind.filter(|_| self.left_out > 0 && self.last.is_none())
     }
 
     /// Returns the next code, or `None` at the end of the file.
@@ -360,10 +352,7 @@ impl<R: Read> CodeFile<R> {
                     let code = FileCode {
                         window: block.block,
                         flags: block.flags,
-                        content: Content::Block {
-                            bytes: block.bytes.to_vec(),
-                            rate: block.rate,
-                        },
+                        content: Content::Block { bytes: block.bytes.to_vec(), rate: block.rate },
                     };
                     if self.is_wanted(&code) {
                         let model = self.device_model.ok_or(CodeFileError::NoIntroduction)?;
@@ -386,10 +375,7 @@ impl<R: Read> CodeFile<R> {
 
     fn check(&mut self, model: ModelId, code: &FileCode) -> Result<(), CodeFileError> {
         if model != self.model {
-            return Err(CodeFileError::OtherModel {
-                file: model,
-                model: self.model,
-            });
+            return Err(CodeFileError::OtherModel { file: model, model: self.model });
         }
         let Some(announcement) = &self.announcement else {
             return Err(CodeFileError::NoIntroduction);
@@ -402,10 +388,7 @@ impl<R: Read> CodeFile<R> {
         }
         let missing = code.window - self.last.map_or(0, |last| last + 1);
         if missing > self.longest_gap {
-            return Err(CodeFileError::Gap {
-                before: code.window,
-                missing,
-            });
+            return Err(CodeFileError::Gap { before: code.window, missing });
         }
         self.last = Some(code.window);
         Ok(())

@@ -156,10 +156,7 @@ impl Comparing {
                 origins: origins.collect(),
                 electrodes: vec![ElectrodeSums::default(); electrodes],
                 steps: 0,
-                excerpt: Excerpt {
-                    first_row: shown.start,
-                    ..Excerpt::default()
-                },
+                excerpt: Excerpt { first_row: shown.start, ..Excerpt::default() },
             },
             original,
             exclusions,

@@ -80,8 +80,7 @@ impl Decoded {
     /// Returns the mean length of the packed blocks, bits; `None` for codes of the network.
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 bits")]
     pub fn bits_per_block(&self) -> Option<f64> {
-        self.packed_bits
-            .map(|bits| bits as f64 / self.codes.max(1) as f64)
+        self.packed_bits.map(|bits| bits as f64 / self.codes.max(1) as f64)
     }
 
     /// Returns the length of the signal, seconds.
@@ -109,9 +108,7 @@ impl Decoding<'_> {
         progress.check()?;
         let unusable = |error| OfflineError::Codes(input.to_owned(), error);
         let description = &self.model.description;
-        let survey = self
-            .open(input)
-            .and_then(|file| Survey::new(file, description));
+        let survey = self.open(input).and_then(|file| Survey::new(file, description));
         let survey = survey.map_err(unusable)?;
         let inputs = [Some(input), original].into_iter().flatten();
         let inputs: Vec<PathBuf> = inputs.map(PathBuf::from).collect();
@@ -212,11 +209,7 @@ impl Decoding<'_> {
         let packed = self.model.packed.as_ref();
         let packed = packed.ok_or(CodeFileError::NotPacked(self.model.id))?;
         let full_scale_uv = survey.announcement.full_scale_uv;
-        Ok(Some(PackedHops::new(
-            packed,
-            &self.model.description,
-            full_scale_uv,
-        )))
+        Ok(Some(PackedHops::new(packed, &self.model.description, full_scale_uv)))
     }
 
     /// Describes the decoded signal for the file that is written.
@@ -240,12 +233,7 @@ impl Decoding<'_> {
             return Err(CodeFileError::NoFile);
         }
         let windows_per_hour = windows_per_hour(&self.model.description);
-        Ok(CodeFile::new(
-            File::open(input)?,
-            self.model.id,
-            self.kind,
-            windows_per_hour,
-        ))
+        Ok(CodeFile::new(File::open(input)?, self.model.id, self.kind, windows_per_hour))
     }
 
     fn open_original(
@@ -288,10 +276,7 @@ fn exclusion_warning(survey: &Survey, description: &Description) -> Option<Strin
     let rate_hz = f64::from(description.window.rate_hz);
     let excluded = stretches.chunk_by(|a, b| a.electrode == b.electrode);
     let excluded = excluded.map(|of| {
-        let rows: u64 = of
-            .iter()
-            .map(|stretch| stretch.rows.end - stretch.rows.start)
-            .sum();
+        let rows: u64 = of.iter().map(|stretch| stretch.rows.end - stretch.rows.start).sum();
         #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 rows")]
         let seconds = rows as f64 / rate_hz;
         format!("{} for {seconds:.1} s", labels[of[0].electrode])

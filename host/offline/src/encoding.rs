@@ -63,10 +63,7 @@ pub struct Encoded {
 
 impl Encoded {
     /// Returns the length of the encoded signal, seconds.
-    #[expect(
-        clippy::cast_precision_loss,
-        reason = "sample counts are far below 2^52"
-    )]
+    #[expect(clippy::cast_precision_loss, reason = "sample counts are far below 2^52")]
     pub fn signal_s(&self) -> f64 {
         self.stats.samples as f64 / f64::from(model::ADC_RATE_HZ)
     }

@@ -38,9 +38,7 @@ impl Exclusions {
     /// Returns the electrodes that are excluded at a row; bit n is electrode n.
     pub(crate) fn at(&self, row: u64) -> u64 {
         let begun = self.0.partition_point(|change| change.first_row <= row);
-        begun
-            .checked_sub(1)
-            .map_or(0, |newest| self.0[newest].excluded)
+        begun.checked_sub(1).map_or(0, |newest| self.0[newest].excluded)
     }
 
     /// Returns all stretches in a signal of `rows` rows, ordered by electrode.
@@ -48,10 +46,7 @@ impl Exclusions {
         let mut stretches = Vec::new();
         for electrode in 0..electrodes.min(64) {
             let mut start = None;
-            let end = Change {
-                first_row: rows,
-                excluded: 0,
-            };
+            let end = Change { first_row: rows, excluded: 0 };
             for change in self.0.iter().chain([&end]) {
                 let first_row = change.first_row.min(rows);
                 if change.excluded >> electrode & 1 == 1 {
@@ -79,10 +74,7 @@ mod tests {
         let masks = [0, 63, 64, 127, 128, 192, 9_999].map(|row| exclusions.at(row));
         assert_eq!(masks, [0, 0, 1, 1, 3, 2, 2]);
         let stretch = |electrode, rows| Stretch { electrode, rows };
-        assert_eq!(
-            exclusions.stretches(61, 300),
-            [stretch(0, 64..192), stretch(1, 128..300)]
-        );
+        assert_eq!(exclusions.stretches(61, 300), [stretch(0, 64..192), stretch(1, 128..300)]);
         // The signal ends before the second electrode is excluded.
         assert_eq!(exclusions.stretches(61, 100), [stretch(0, 64..100)]);
     }

@@ -25,12 +25,7 @@ pub struct LevelHistogram {
 impl LevelHistogram {
     /// Creates an empty histogram of codes whose format can hold `range`.
     pub(crate) fn new(range: RangeInclusive<i32>) -> Self {
-        Self {
-            span: SMALLEST_SPAN,
-            bins: [0; BINS],
-            at_ends: 0,
-            range,
-        }
+        Self { span: SMALLEST_SPAN, bins: [0; BINS], at_ends: 0, range }
     }
 
     pub(crate) fn add(&mut self, levels: &[i32]) {
@@ -83,10 +78,7 @@ mod tests {
         histogram.add(&[-300]);
         // Each bin now covers 16 levels.
         assert_eq!(histogram.span, 512);
-        assert_eq!(
-            [31, 32, 39, 13].map(|bin| histogram.bins[bin]),
-            [1, 1, 1, 1]
-        );
+        assert_eq!([31, 32, 39, 13].map(|bin| histogram.bins[bin]), [1, 1, 1, 1]);
         assert_eq!((histogram.values(), histogram.at_ends), (4, 0));
     }
 }

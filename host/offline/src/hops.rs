@@ -77,11 +77,7 @@ impl<'d> Hops<'d> {
         while self.windows < index {
             self.complete(None, Flags::empty(), &mut emit)?;
         }
-        let numbers = self
-            .announcement
-            .scale
-            .iter()
-            .zip(&self.announcement.zero_point);
+        let numbers = self.announcement.scale.iter().zip(&self.announcement.zero_point);
         for (z, (level, (scale, zero_point))) in self.z.iter_mut().zip(levels.iter().zip(numbers)) {
             *z = dequantise(*level, *scale, *zero_point);
         }
@@ -108,11 +104,7 @@ impl<'d> Hops<'d> {
         flags: Flags,
         emit: &mut impl FnMut(DecodedHop) -> Result<(), OfflineError>,
     ) -> Result<(), OfflineError> {
-        let window = Window {
-            index: self.windows,
-            flags: flags.bits(),
-            values,
-        };
+        let window = Window { index: self.windows, flags: flags.bits(), values };
         let hop = self.overlap.next_hop(window, &mut self.uv);
         let mut flags = Flags::from_bits(hop.flags);
         if hop.source != Source::Missing && !hop.is_whole {
@@ -128,11 +120,7 @@ impl<'d> Hops<'d> {
         let rows = (self.uv.len() / self.electrodes) as u64;
         let first_row = u64::from(self.windows) * rows;
         self.windows += 1;
-        emit(DecodedHop {
-            first_row,
-            uv: &self.uv,
-            flags,
-        })
+        emit(DecodedHop { first_row, uv: &self.uv, flags })
     }
 }
 
@@ -195,10 +183,7 @@ impl PackedHops {
         flags: Flags,
         emit: &mut impl FnMut(DecodedHop) -> Result<(), OfflineError>,
     ) -> Result<(), OfflineError> {
-        let label = Label {
-            index: self.next,
-            flags,
-        };
+        let label = Label { index: self.next, flags };
         self.next += 1;
         match self.overlap.next_hop(block, label) {
             Some(hop) => self.pass_on(&hop, emit),
@@ -219,10 +204,6 @@ impl PackedHops {
             PackedSource::Healing => flags | Flags::HEALING,
             PackedSource::Prediction => flags | Flags::FILLER,
         };
-        emit(DecodedHop {
-            first_row: u64::from(index) * self.rows,
-            uv: &hop.microvolts,
-            flags,
-        })
+        emit(DecodedHop { first_row: u64::from(index) * self.rows, uv: &hop.microvolts, flags })
     }
 }

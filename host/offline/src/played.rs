@@ -63,9 +63,7 @@ impl Played {
 /// Returns the model's channels of a virtual ADC's sample. The virtual ADC has as many channels as
 /// the longest chain of converters; channels beyond the model's carry no electrode.
 pub fn first_channels(counts: [i32; virtual_adc::CHANNELS]) -> Sample {
-    Sample {
-        counts: std::array::from_fn(|channel| counts[channel]),
-    }
+    Sample { counts: std::array::from_fn(|channel| counts[channel]) }
 }
 
 /// Returns a bit set of the electrodes whose origin is `wanted`.

@@ -70,10 +70,9 @@ pub fn write(
         fs::create_dir_all(&pictures).map_err(OfflineError::write(&pictures))?;
         pictures::draw(&pictures, description, entry)?;
     }
-    for (name, text) in [
-        (PAGE, page::page(description, entries)),
-        (TABLE, electrodes(description, entries)),
-    ] {
+    for (name, text) in
+        [(PAGE, page::page(description, entries)), (TABLE, electrodes(description, entries))]
+    {
         let path = folder.join(name);
         fs::write(&path, text).map_err(OfflineError::write(&path))?;
     }

@@ -48,10 +48,7 @@ impl RowEvents {
         }
         let hop = description.window.hop as u64;
         let (items, _) = survey.kind.names();
-        let gaps = survey
-            .gaps
-            .iter()
-            .map(|gap| (gap, u64::from(gap.first) * hop));
+        let gaps = survey.gaps.iter().map(|gap| (gap, u64::from(gap.first) * hop));
         let gaps = gaps.map(|(gap, row)| RowEvent {
             rows: row..row,
             text: format!("{items} missing: {}", gap.windows),
@@ -60,15 +57,13 @@ impl RowEvents {
         events.rows.extend(gaps);
         let labels = &description.montage.electrodes;
         let stretches = (survey.exclusions).stretches(labels.len(), survey.rows(description));
-        events
-            .rows
-            .extend(stretches.into_iter().map(|stretch| RowEvent {
-                // The name of a signal after `@@` says that an annotation is about this signal
-                // alone (https://www.edfplus.info/specs/edftexts.html).
-                text: format!("substituted@@{}", labels[stretch.electrode]),
-                rows: stretch.rows,
-                kind: None,
-            }));
+        events.rows.extend(stretches.into_iter().map(|stretch| RowEvent {
+            // The name of a signal after `@@` says that an annotation is about this signal
+            // alone (https://www.edfplus.info/specs/edftexts.html).
+            text: format!("substituted@@{}", labels[stretch.electrode]),
+            rows: stretch.rows,
+            kind: None,
+        }));
         events.rows.sort_by_key(|event| event.rows.start);
         events
     }
@@ -90,9 +85,7 @@ impl RowEvents {
             return Some(*kind);
         }
         let kind = self.types.len() + 1;
-        let kind = u16::try_from(kind)
-            .ok()
-            .filter(|_| kind <= LAST_TEXT_TYPE)?;
+        let kind = u16::try_from(kind).ok().filter(|_| kind <= LAST_TEXT_TYPE)?;
         self.types.push((text.to_owned(), kind));
         Some(kind)
     }

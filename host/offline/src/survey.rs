@@ -49,10 +49,7 @@ impl Survey {
             kind = Some(code.content.kind());
             codes += 1;
             if code.window > windows {
-                gaps.push(Gap {
-                    first: windows,
-                    windows: code.window - windows,
-                });
+                gaps.push(Gap { first: windows, windows: code.window - windows });
             }
             windows = code.window.saturating_add(1);
         }

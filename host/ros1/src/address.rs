@@ -51,10 +51,9 @@ async fn lookup(host: &str, port: u16) -> Result<Vec<SocketAddr>, LookupError> {
         let late = "no answer within 2.5 s";
         Err(io::Error::new(io::ErrorKind::TimedOut, late))
     });
-    found.map(Iterator::collect).map_err(|error| LookupError {
-        host: host.into(),
-        reason: error.to_string().into(),
-    })
+    found
+        .map(Iterator::collect)
+        .map_err(|error| LookupError { host: host.into(), reason: error.to_string().into() })
 }
 
 /// Resolves a host name or address. Returns each address with whether it belongs to this machine.
@@ -84,9 +83,7 @@ impl Address {
     /// Parses `SCHEME://HOST:PORT`, with or without a path, such as `http://HOST:PORT/` and
     /// `rosrpc://HOST:PORT`.
     pub(crate) fn parse(uri: &str) -> Result<Self, AddressError> {
-        let error = || AddressError {
-            uri: uri.to_owned(),
-        };
+        let error = || AddressError { uri: uri.to_owned() };
         let (_, rest) = uri.split_once("://").ok_or_else(error)?;
         let authority = rest.split('/').next().unwrap_or_default();
         let (host, port) = authority.rsplit_once(':').ok_or_else(error)?;
@@ -97,21 +94,12 @@ impl Address {
         if host.is_empty() {
             return Err(error());
         }
-        Ok(Self {
-            host: host.to_owned(),
-            port: port.parse().map_err(|_| error())?,
-        })
+        Ok(Self { host: host.to_owned(), port: port.parse().map_err(|_| error())? })
     }
 
     /// Creates an address. An IPv6 address in `host` can have square brackets or not.
     pub(crate) fn new(host: &str, port: u16) -> Self {
-        Self {
-            host: host
-                .trim_start_matches('[')
-                .trim_end_matches(']')
-                .to_owned(),
-            port,
-        }
+        Self { host: host.trim_start_matches('[').trim_end_matches(']').to_owned(), port }
     }
 
     /// Opens a connection to the first address of the host that accepts one.
@@ -182,12 +170,7 @@ mod tests {
     #[test]
     fn ipv4_ipv6_and_host_names_survive_a_round_trip() {
         for (uri, host, port, text) in [
-            (
-                "http://127.0.0.1:11311/",
-                "127.0.0.1",
-                11311,
-                "127.0.0.1:11311",
-            ),
+            ("http://127.0.0.1:11311/", "127.0.0.1", 11311, "127.0.0.1:11311"),
             ("http://[::1]:11311", "::1", 11311, "[::1]:11311"),
             ("rosrpc://robot:40001", "robot", 40001, "robot:40001"),
         ] {
@@ -209,19 +192,8 @@ mod tests {
 
     #[test]
     fn uris_without_host_and_port_are_refused() {
-        for uri in [
-            "",
-            "127.0.0.1:1",
-            "http://host/",
-            "http://host:port/",
-            "http://:1/",
-        ] {
-            assert_eq!(
-                Address::parse(uri),
-                Err(AddressError {
-                    uri: uri.to_owned()
-                })
-            );
+        for uri in ["", "127.0.0.1:1", "http://host/", "http://host:port/", "http://:1/"] {
+            assert_eq!(Address::parse(uri), Err(AddressError { uri: uri.to_owned() }));
         }
     }
 }

@@ -72,9 +72,7 @@ pub(crate) async fn read_head<S: AsyncBufRead + Unpin>(
         expects_continue: false,
     };
     loop {
-        let line = read_line(stream, &mut left)
-            .await?
-            .ok_or(HttpError::Truncated)?;
+        let line = read_line(stream, &mut left).await?.ok_or(HttpError::Truncated)?;
         if line.is_empty() {
             return Ok(Some(head));
         }
@@ -104,10 +102,7 @@ async fn read_line<S: AsyncBufRead + Unpin>(
 ) -> Result<Option<String>, HttpError> {
     let mut line = Vec::new();
     let limit = u64::try_from(*left).unwrap_or(u64::MAX);
-    let count = (&mut *stream)
-        .take(limit)
-        .read_until(b'\n', &mut line)
-        .await?;
+    let count = (&mut *stream).take(limit).read_until(b'\n', &mut line).await?;
     *left -= count;
     let text = match line.strip_suffix(b"\n") {
         Some(text) => text.strip_suffix(b"\r").unwrap_or(text),
@@ -146,9 +141,7 @@ async fn read_chunks<S: AsyncBufRead + Unpin>(
 ) -> Result<(), HttpError> {
     loop {
         let mut left = MAX_CHUNK_LINE;
-        let line = read_line(stream, &mut left)
-            .await?
-            .ok_or(HttpError::Truncated)?;
+        let line = read_line(stream, &mut left).await?.ok_or(HttpError::Truncated)?;
         let size = line.split(';').next().unwrap_or_default().trim();
         let Ok(size) = usize::from_str_radix(size, 16) else {
             return Err(HttpError::Malformed(line));

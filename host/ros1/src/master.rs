@@ -47,14 +47,9 @@ impl Master {
         let uri = format!("http://{}/", Address::new(&host.to_string(), local.port()));
         let (request_shutdown, shutdown_requested) = watch::channel(false);
         let api = Arc::new(Api::new(uri.clone(), request_shutdown));
-        let server = Server::start(listener, move |method, arguments| {
-            api.answer(method, arguments)
-        });
-        Ok(Self {
-            uri,
-            server: Mutex::new(Some(server)),
-            shutdown_requested,
-        })
+        let server =
+            Server::start(listener, move |method, arguments| api.answer(method, arguments));
+        Ok(Self { uri, server: Mutex::new(Some(server)), shutdown_requested })
     }
 
     /// URI to pass as [`NodeOptions::master_uri`](crate::NodeOptions::master_uri), in the form

@@ -32,9 +32,7 @@ impl Names {
         name: &str,
         remaps: &[(String, String)],
     ) -> Result<Self, NameError> {
-        let error = |name: &str| NameError {
-            name: name.to_owned(),
-        };
+        let error = |name: &str| NameError { name: name.to_owned() };
         if name.is_empty() || name.starts_with('~') || namespace.starts_with('~') {
             return Err(error(name));
         }
@@ -42,11 +40,8 @@ impl Names {
         if !matches!(namespace, "" | "/") {
             check(namespace)?;
         }
-        let joined = if name.starts_with('/') {
-            name.to_owned()
-        } else {
-            format!("/{namespace}/{name}")
-        };
+        let joined =
+            if name.starts_with('/') { name.to_owned() } else { format!("/{namespace}/{name}") };
         let node = canonical(&joined);
         let mut resolved = HashMap::new();
         for (from, to) in remaps {
@@ -54,10 +49,7 @@ impl Names {
             check(to)?;
             resolved.insert(resolve(from, &node), resolve(to, &node));
         }
-        Ok(Self {
-            node,
-            remaps: resolved,
-        })
+        Ok(Self { node, remaps: resolved })
     }
 
     /// Full name of the node, `/namespace/name`.
@@ -78,18 +70,11 @@ impl Names {
 
 fn check(name: &str) -> Result<(), NameError> {
     let mut characters = name.chars();
-    let first = characters
-        .next()
-        .is_some_and(|c| c.is_ascii_alphabetic() || matches!(c, '/' | '~'));
+    let first =
+        characters.next().is_some_and(|c| c.is_ascii_alphabetic() || matches!(c, '/' | '~'));
     let rest = characters.all(|c| c.is_ascii_alphanumeric() || matches!(c, '_' | '/'));
     let parts = !name.contains("//") && !matches!(name, "/" | "~" | "~/");
-    if first && rest && parts {
-        Ok(())
-    } else {
-        Err(NameError {
-            name: name.to_owned(),
-        })
-    }
+    if first && rest && parts { Ok(()) } else { Err(NameError { name: name.to_owned() }) }
 }
 
 /// Returns the full name of `name` as the node `caller` uses it, without checking the syntax or
@@ -111,19 +96,14 @@ pub(crate) fn resolve(name: &str, caller: &str) -> String {
 /// Returns the namespace of a name with its trailing slash: `/a/` for `/a/b`.
 fn namespace(name: &str) -> String {
     let name = name.strip_suffix('/').unwrap_or(name);
-    name.rfind('/')
-        .map_or_else(|| "/".to_owned(), |slash| name[..=slash].to_owned())
+    name.rfind('/').map_or_else(|| "/".to_owned(), |slash| name[..=slash].to_owned())
 }
 
 /// Removes empty parts and the trailing slash: `/a//b/` becomes `/a/b`.
 pub(crate) fn canonical(name: &str) -> String {
     let parts: Vec<&str> = name.split('/').filter(|part| !part.is_empty()).collect();
     let joined = parts.join("/");
-    if name.starts_with('/') {
-        format!("/{joined}")
-    } else {
-        joined
-    }
+    if name.starts_with('/') { format!("/{joined}") } else { joined }
 }
 
 #[cfg(test)]
@@ -163,12 +143,7 @@ mod tests {
     fn names_with_wrong_syntax_are_refused() {
         let names = Names::new("", "amp", &[]).unwrap();
         for name in ["", "/", "~", "1a", "a b", "a:b", "a//b", "ä", "a-b"] {
-            assert_eq!(
-                names.resolve(name),
-                Err(NameError {
-                    name: name.to_owned()
-                })
-            );
+            assert_eq!(names.resolve(name), Err(NameError { name: name.to_owned() }));
         }
         assert!(Names::new("", "~amp", &[]).is_err());
         assert!(Names::new("~x", "amp", &[]).is_err());

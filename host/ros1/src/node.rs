@@ -108,30 +108,15 @@ impl Node {
             format!("rosrpc://{}", Address::new(&host, port)),
         );
         let registrar = Arc::new(registrar);
-        let slave = Slave {
-            registrar: Arc::downgrade(&registrar),
-            host,
-            port,
-        };
-        let server = Server::start(api_listener, move |method, arguments| {
-            slave.answer(method, arguments)
-        });
+        let slave = Slave { registrar: Arc::downgrade(&registrar), host, port };
+        let server =
+            Server::start(api_listener, move |method, arguments| slave.answer(method, arguments));
         let (stop, stopped) = watch::channel(false);
         let listener = tokio::spawn(acceptor::accept(listener, Arc::clone(&registrar), stopped));
         let registration = tokio::spawn(Arc::clone(&registrar).run(released_keys));
         let abort = [listener.abort_handle(), registration.abort_handle()];
-        let tasks = tokio::sync::Mutex::new(Tasks {
-            server,
-            registration,
-            listener,
-            stop,
-        });
-        Ok(Self {
-            registrar,
-            names,
-            tasks,
-            abort,
-        })
+        let tasks = tokio::sync::Mutex::new(Tasks { server, registration, listener, stop });
+        Ok(Self { registrar, names, tasks, abort })
     }
 
     /// Full name of the node, `/namespace/name`.
@@ -169,10 +154,7 @@ impl Node {
         let publication = Arc::new(Publication::new(name.clone(), message_type, options));
         let added = Arc::clone(&publication);
         let insert = |graph: &mut Graph| drop(graph.publications.insert(name, added));
-        Ok(Publisher {
-            publication,
-            _lease: Arc::new(self.add(key, insert).await?),
-        })
+        Ok(Publisher { publication, _lease: Arc::new(self.add(key, insert).await?) })
     }
 
     /// Subscribes to a topic. Up to `queue` received messages wait to be read; each further message
@@ -192,10 +174,7 @@ impl Node {
         let subscription = Arc::new(Subscription::new(inbox));
         let added = Arc::clone(&subscription);
         let insert = |graph: &mut Graph| drop(graph.subscriptions.insert(name, added));
-        Ok(Subscriber {
-            subscription,
-            _lease: self.add(key, insert).await?,
-        })
+        Ok(Subscriber { subscription, _lease: self.add(key, insert).await? })
     }
 
     /// Provides a service. `handler` computes the body of the response from the name of the calling
@@ -214,9 +193,7 @@ impl Node {
         let key = Key::Service(name.clone());
         let provider = Arc::new(Provider::new(name.clone(), service_type, Box::new(handler)));
         let insert = |graph: &mut Graph| drop(graph.services.insert(name, provider));
-        Ok(Service {
-            _lease: self.add(key, insert).await?,
-        })
+        Ok(Service { _lease: self.add(key, insert).await? })
     }
 
     /// Looks up a service, calls it once as [`ServiceClient::call`] does, and closes the
@@ -260,13 +237,10 @@ impl Node {
     /// topic, and a text with the publisher's URI, the reason and what to do.
     pub fn unreachable_publishers(&self) -> Vec<(String, String)> {
         let graph = lock(&self.registrar.graph);
-        let of_topic = graph
-            .subscriptions
-            .iter()
-            .flat_map(|(topic, subscription)| {
-                let faults = subscription.unreachable().into_iter();
-                faults.map(|fault| (topic.clone(), fault))
-            });
+        let of_topic = graph.subscriptions.iter().flat_map(|(topic, subscription)| {
+            let faults = subscription.unreachable().into_iter();
+            faults.map(|fault| (topic.clone(), fault))
+        });
         of_topic.collect()
     }
 
@@ -317,17 +291,11 @@ impl Node {
                 return Err(NodeError::Duplicate(key.to_string()));
             }
             insert(&mut graph);
-            Lease {
-                key,
-                registrar: Arc::downgrade(&self.registrar),
-            }
+            Lease { key, registrar: Arc::downgrade(&self.registrar) }
         };
         let refused = self.registrar.sync_within_timeout().await;
         match refused.into_iter().find(|(key, _)| *key == lease.key) {
-            Some((key, source)) => Err(NodeError::Refused {
-                what: key.to_string(),
-                source,
-            }),
+            Some((key, source)) => Err(NodeError::Refused { what: key.to_string(), source }),
             None => Ok(lease),
         }
     }

@@ -201,10 +201,7 @@ impl Publication {
             link.queue.close();
         }
         state.links.push(Arc::clone(&link));
-        AttachedLink {
-            publication: Arc::clone(self),
-            link,
-        }
+        AttachedLink { publication: Arc::clone(self), link }
     }
 }
 
@@ -217,9 +214,7 @@ struct AttachedLink {
 
 impl Drop for AttachedLink {
     fn drop(&mut self) {
-        lock(&self.publication.state)
-            .links
-            .retain(|link| !Arc::ptr_eq(link, &self.link));
+        lock(&self.publication.state).links.retain(|link| !Arc::ptr_eq(link, &self.link));
     }
 }
 

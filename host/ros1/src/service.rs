@@ -39,9 +39,7 @@ pub(crate) struct Provider {
 
 impl fmt::Debug for Provider {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Provider")
-            .field("name", &self.name)
-            .finish_non_exhaustive()
+        f.debug_struct("Provider").field("name", &self.name).finish_non_exhaustive()
     }
 }
 
@@ -51,12 +49,7 @@ impl Provider {
         service_type: &'static ServiceType,
         handler: Box<Handler>,
     ) -> Self {
-        Self {
-            name,
-            service_type,
-            handler,
-            closed: watch::Sender::new(false),
-        }
+        Self { name, service_type, handler, closed: watch::Sender::new(false) }
     }
 
     /// Closes every connection of the service. A call in progress is answered first.
@@ -110,9 +103,7 @@ impl Provider {
                 stream.write_all(&[flag]).await?;
                 write_message(&mut stream, &body).await
             };
-            timeout(TRANSFER_TIMEOUT, sent)
-                .await
-                .map_err(io::Error::from)??;
+            timeout(TRANSFER_TIMEOUT, sent).await.map_err(io::Error::from)??;
             if !persistent {
                 return Ok(stream.shutdown().await?);
             }

@@ -52,28 +52,18 @@ struct RunningLink {
 
 impl Subscription {
     pub(crate) fn new(inbox: Inbox) -> Self {
-        Self {
-            inbox,
-            links: Mutex::default(),
-            next_id: AtomicU32::new(0),
-        }
+        Self { inbox, links: Mutex::default(), next_id: AtomicU32::new(0) }
     }
 
     /// Returns the links to all publishers, whether connected or waiting to reconnect.
     pub(crate) fn links(&self) -> Vec<Arc<PublisherLink>> {
-        lock(&self.links)
-            .values()
-            .map(|running| Arc::clone(&running.link))
-            .collect()
+        lock(&self.links).values().map(|running| Arc::clone(&running.link)).collect()
     }
 
     /// Returns the publishers that cannot be reached: URI, reason and remedy of each.
     pub(crate) fn unreachable(&self) -> Vec<String> {
         let links = lock(&self.links);
-        links
-            .values()
-            .filter_map(|running| running.link.fault())
-            .collect()
+        links.values().filter_map(|running| running.link.fault()).collect()
     }
 
     /// Connects to each of `publishers` that has no link yet. Removes no link, because a restarted
@@ -232,10 +222,7 @@ pub(crate) enum LinkError {
     #[error("the publisher offers no TCPROS address; is it a ROS 1 node?")]
     Offer,
     #[error("it sends messages at {address}, which cannot be reached: {source}")]
-    Unreachable {
-        address: Address,
-        source: ConnectError,
-    },
+    Unreachable { address: Address, source: ConnectError },
     #[error(transparent)]
     Header(#[from] HeaderError),
     #[error("the publisher refuses: {0}")]
@@ -256,14 +243,8 @@ impl LinkError {
     /// Returns advice to the user on how to resolve this error.
     fn remedy(&self) -> &'static str {
         match self {
-            Self::Call(CallError::Failed {
-                failure: CallFailure::Lookup(_),
-                ..
-            })
-            | Self::Unreachable {
-                source: ConnectError::Lookup(_),
-                ..
-            } => {
+            Self::Call(CallError::Failed { failure: CallFailure::Lookup(_), .. })
+            | Self::Unreachable { source: ConnectError::Lookup(_), .. } => {
                 "set ROS_IP where the publisher runs and restart it, or add its name to /etc/hosts \
                  of this machine"
             }
@@ -339,11 +320,7 @@ impl PublisherLink {
 
     async fn connect_and_receive(&self, inbox: &Inbox) -> Result<(), LinkError> {
         let protocols = Value::from([Value::from(["TCPROS"])]);
-        let arguments = [
-            Value::from(inbox.node.as_str()),
-            inbox.topic.as_str().into(),
-            protocols,
-        ];
+        let arguments = [Value::from(inbox.node.as_str()), inbox.topic.as_str().into(), protocols];
         let offer = call_ros(&self.uri, "requestTopic", &arguments).await?;
         let address = tcpros_address(&offer).ok_or(LinkError::Offer)?;
         let connected = timeout(HANDSHAKE_TIMEOUT, address.connect()).await;
@@ -359,10 +336,7 @@ impl PublisherLink {
             .with("topic", &inbox.topic)
             .with("type", ours.name)
             .encode()?;
-        stream
-            .write_all(&request)
-            .await
-            .map_err(LinkError::Broken)?;
+        stream.write_all(&request).await.map_err(LinkError::Broken)?;
         let header = Header::read(&mut stream).await?;
         if let Some(error) = header.get("error") {
             return Err(LinkError::Refused(error.to_owned()));
@@ -373,17 +347,12 @@ impl PublisherLink {
         }
         self.connected.store(true, Relaxed);
         if lock(&self.fault).take().is_some() {
-            tracing::info!(
-                "connected to the publisher of {} at {}",
-                inbox.topic,
-                self.uri
-            );
+            tracing::info!("connected to the publisher of {} at {}", inbox.topic, self.uri);
         }
         loop {
             let message = read_message(&mut stream).await.map_err(LinkError::Broken)?;
             self.messages.fetch_add(1, Relaxed);
-            self.bytes
-                .fetch_add(u64::try_from(message.len()).unwrap_or(u64::MAX), Relaxed);
+            self.bytes.fetch_add(u64::try_from(message.len()).unwrap_or(u64::MAX), Relaxed);
             if !inbox.deliver(message) {
                 return Ok(());
             }
@@ -394,10 +363,9 @@ impl PublisherLink {
 /// Extracts the address from a publisher's answer to `requestTopic`: `["TCPROS", host, port]`.
 fn tcpros_address(offer: &Value) -> Option<Address> {
     match offer.as_array()? {
-        [protocol, host, port, ..] if protocol.as_str() == Some("TCPROS") => Some(Address::new(
-            host.as_str()?,
-            u16::try_from(port.as_int()?).ok()?,
-        )),
+        [protocol, host, port, ..] if protocol.as_str() == Some("TCPROS") => {
+            Some(Address::new(host.as_str()?, u16::try_from(port.as_int()?).ok()?))
+        }
         _ => None,
     }
 }

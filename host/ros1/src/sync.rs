@@ -44,14 +44,7 @@ impl<T> DropOldestQueue<T> {
     pub(crate) fn new(capacity: usize) -> Self {
         let capacity = capacity.max(1);
         let items = VecDeque::with_capacity(capacity.min(1024));
-        Self {
-            state: Mutex::new(State {
-                items,
-                closed: false,
-            }),
-            changed: Notify::new(),
-            capacity,
-        }
+        Self { state: Mutex::new(State { items, closed: false }), changed: Notify::new(), capacity }
     }
 
     /// Number of items that wait to be popped.
@@ -71,11 +64,7 @@ impl<T> DropOldestQueue<T> {
                 state.items.pop_front();
             }
             state.items.push_back(item);
-            if full {
-                Push::DroppedOldest
-            } else {
-                Push::Queued
-            }
+            if full { Push::DroppedOldest } else { Push::Queued }
         };
         self.changed.notify_one();
         outcome

@@ -100,17 +100,12 @@ impl Header {
 
     /// Returns the value of the first field called `name`.
     pub fn get(&self, name: &str) -> Option<&str> {
-        self.fields
-            .iter()
-            .find(|(key, _)| key == name)
-            .map(|(_, value)| value.as_str())
+        self.fields.iter().find(|(key, _)| key == name).map(|(_, value)| value.as_str())
     }
 
     /// Iterates over the names and values of all fields in wire order.
     pub fn fields(&self) -> impl Iterator<Item = (&str, &str)> {
-        self.fields
-            .iter()
-            .map(|(name, value)| (name.as_str(), value.as_str()))
+        self.fields.iter().map(|(name, value)| (name.as_str(), value.as_str()))
     }
 
     /// Encodes the header for the wire, starting with its total length (u32, little-endian).
@@ -139,9 +134,7 @@ impl Header {
     pub fn decode(mut bytes: &[u8]) -> Result<Self, HeaderError> {
         let mut fields = Vec::new();
         while !bytes.is_empty() {
-            let (length, rest) = bytes
-                .split_first_chunk::<4>()
-                .ok_or(HeaderError::Truncated)?;
+            let (length, rest) = bytes.split_first_chunk::<4>().ok_or(HeaderError::Truncated)?;
             let length = usize::try_from(u32::from_le_bytes(*length)).ok();
             let field = length.and_then(|length| rest.split_at_checked(length));
             let (field, rest) = field.ok_or(HeaderError::Truncated)?;
@@ -164,20 +157,14 @@ impl Header {
                 _ => Err(HeaderError::TooLong(length)),
             }
         };
-        let bytes = timeout(HANDSHAKE_TIMEOUT, bytes)
-            .await
-            .map_err(|_| HeaderError::Timeout)??;
+        let bytes = timeout(HANDSHAKE_TIMEOUT, bytes).await.map_err(|_| HeaderError::Timeout)??;
         Self::decode(&bytes)
     }
 }
 
 fn checked_length(length: usize) -> Result<u32, HeaderError> {
     let small = u32::try_from(length).unwrap_or(u32::MAX);
-    if length > MAX_HEADER {
-        Err(HeaderError::TooLong(small))
-    } else {
-        Ok(small)
-    }
+    if length > MAX_HEADER { Err(HeaderError::TooLong(small)) } else { Ok(small) }
 }
 
 /// Sends a header with an error message and closes the connection.

@@ -43,14 +43,8 @@ impl From<neuro_ros::Stamp> for Time {
     /// ROS 2 can represent times until 2038; a later time becomes the last one.
     fn from(stamp: neuro_ros::Stamp) -> Time {
         match i32::try_from(stamp.secs) {
-            Ok(sec) => Time {
-                sec,
-                nanosec: stamp.nsecs,
-            },
-            Err(_) => Time {
-                sec: i32::MAX,
-                nanosec: 999_999_999,
-            },
+            Ok(sec) => Time { sec, nanosec: stamp.nsecs },
+            Err(_) => Time { sec: i32::MAX, nanosec: 999_999_999 },
         }
     }
 }
@@ -66,10 +60,7 @@ pub struct Header {
 
 impl From<&neuro_ros::Header> for Header {
     fn from(header: &neuro_ros::Header) -> Header {
-        Header {
-            stamp: header.stamp.into(),
-            frame_id: header.frame_id.clone(),
-        }
+        Header { stamp: header.stamp.into(), frame_id: header.frame_id.clone() }
     }
 }
 
@@ -238,10 +229,7 @@ mod tests {
     #[test]
     fn levels_of_the_log_are_those_of_ros_2() {
         let level = |level| {
-            let line = neuro_ros::Log {
-                level,
-                ..neuro_ros::Log::default()
-            };
+            let line = neuro_ros::Log { level, ..neuro_ros::Log::default() };
             Log::from(&line).level
         };
         assert_eq!([1, 2, 4, 8, 16].map(level), [10, 20, 30, 40, 50]);

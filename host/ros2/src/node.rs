@@ -50,9 +50,7 @@ impl Ros2Node {
         let name = NodeName::new(namespace, base).map_err(wrong)?;
         let (presence, life) = Presence::start(full_name, name, domain, services)?;
         let presence = Arc::new(presence);
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_all()
-            .build()?;
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
         let continued = {
             let _in_runtime = runtime.enter();
             continued()?
@@ -70,10 +68,7 @@ impl Ros2Node {
         };
         let handle = std::thread::Builder::new().name("ros2".to_owned());
         let handle = handle.spawn(run)?;
-        Ok(Ros2Node {
-            presence,
-            thread: Some(Thread { stop, handle }),
-        })
+        Ok(Ros2Node { presence, thread: Some(Thread { stop, handle }) })
     }
 
     /// Returns the node's full name, such as `/acquisition`.

@@ -180,10 +180,7 @@ impl Presence {
     /// Returns how many subscribers are missing in comparison with the earlier numbers `then`.
     fn missing(&self, then: &[usize]) -> usize {
         let now = self.subscribers();
-        let missing = then
-            .iter()
-            .zip(now)
-            .map(|(then, now)| then.saturating_sub(now));
+        let missing = then.iter().zip(now).map(|(then, now)| then.saturating_sub(now));
         missing.sum()
     }
 
@@ -233,9 +230,7 @@ impl Presence {
             let others = writers.iter().map(|writer| &writer.publication_topic_data);
             let others = others.filter(|writer| is(&writer.topic_name) && writer.key.prefix != own);
             let counts = topic.others();
-            counts
-                .subscribers
-                .store(subscribers.count(), Ordering::Relaxed);
+            counts.subscribers.store(subscribers.count(), Ordering::Relaxed);
             counts.publishers.store(others.count(), Ordering::Relaxed);
         }
     }
@@ -257,9 +252,7 @@ fn join(
     let participant = domain.join()?;
     let context = Context::from_domain_participant(participant.clone())?;
     // A sink publishes the log on /rosout, because ros2-client would log each line again.
-    let options = NodeOptions::new()
-        .enable_rosout(false)
-        .start_parameter_services(false);
+    let options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
     let node = context.new_node(name.clone(), options);
     let node = node.map_err(Ros2Error::network)?;
     let mut place = Place { participant, node };

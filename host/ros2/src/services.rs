@@ -76,10 +76,7 @@ enum Mapping<Response: Message> {
     Standard(Server<Empty, Response>),
     /// As with Cyclone DDS. ros2-client's own mapping for it also sends the standard header, so
     /// that replies in fragments do not arrive.
-    Cyclone {
-        requests: Subscription<Numbered<Empty>>,
-        replies: Publisher<Numbered<Response>>,
-    },
+    Cyclone { requests: Subscription<Numbered<Empty>>, replies: Publisher<Numbered<Response>> },
 }
 
 /// The services of a node in its domain.
@@ -272,11 +269,7 @@ mod tests {
     use super::*;
 
     fn info(channels: usize) -> AcquisitionInfo {
-        let eeg = NeuroDataInfo {
-            minmax: vec![-1.0, 1.0],
-            stride: 0,
-            ..NeuroDataInfo::default()
-        };
+        let eeg = NeuroDataInfo { minmax: vec![-1.0, 1.0], stride: 0, ..NeuroDataInfo::default() };
         let frame = NeuroFrame::encoded(16, channels, eeg);
         AcquisitionInfo::new("board", "1", frame).expect("a valid frame")
     }

@@ -197,9 +197,7 @@ fn publisher<M: Ros2Message>(
     delivery: Delivery,
 ) -> Result<Publisher<M::Message>, Ros2Error> {
     let of = MessageTypeName::new(M::PACKAGE, M::NAME);
-    let topic = place
-        .node
-        .create_topic(&name(full_name)?, of, &delivery.qos())?;
+    let topic = place.node.create_topic(&name(full_name)?, of, &delivery.qos())?;
     Ok(place.node.create_publisher(&topic, None)?)
 }
 

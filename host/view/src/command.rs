@@ -73,9 +73,7 @@ impl Command {
             "/exclude" => text
                 .and_then(exclusion)
                 .ok_or("the body must be an electrode and always, never or automatic"),
-            "/rate" => text
-                .and_then(rate)
-                .ok_or("the body must be a rate of one or two digits"),
+            "/rate" => text.and_then(rate).ok_or("the body must be a rate of one or two digits"),
             _ => return None,
         })
     }
@@ -97,10 +95,7 @@ fn exclusion(text: &str) -> Option<Command> {
         _ => return None,
     };
     let is_label = !label.is_empty() && label.bytes().all(|byte| byte.is_ascii_graphic());
-    is_label.then(|| Command::Exclude {
-        label: label.to_owned(),
-        decision,
-    })
+    is_label.then(|| Command::Exclude { label: label.to_owned(), decision })
 }
 
 fn rate(text: &str) -> Option<Command> {
@@ -151,20 +146,13 @@ mod tests {
 
     #[test]
     fn every_command_has_one_form() {
-        let exclude = |decision| Command::Exclude {
-            label: "Cz".to_owned(),
-            decision,
-        };
+        let exclude = |decision| Command::Exclude { label: "Cz".to_owned(), decision };
         for (path, body, command) in [
             ("/start", "", Command::Start),
             ("/stop", "", Command::Stop),
             ("/record", "start", Command::Record),
             ("/record", "stop", Command::EndRecording),
-            (
-                "/marker",
-                " Augen zu, \u{e4}h ",
-                Command::Marker("Augen zu, \u{e4}h".to_owned()),
-            ),
+            ("/marker", " Augen zu, \u{e4}h ", Command::Marker("Augen zu, \u{e4}h".to_owned())),
             ("/self-test", "", Command::SelfTest),
             ("/exclude", "Cz always", exclude(Decision::Always)),
             ("/exclude", "Cz never", exclude(Decision::Never)),
@@ -175,10 +163,7 @@ mod tests {
             assert_eq!(parse(path, body), Some(Ok(command)), "{path} {body}");
         }
         let longest = "\u{e4}".repeat(MAX_MARKER);
-        assert_eq!(
-            parse("/marker", &longest),
-            Some(Ok(Command::Marker(longest)))
-        );
+        assert_eq!(parse("/marker", &longest), Some(Ok(Command::Marker(longest))));
     }
 
     #[test]
@@ -206,10 +191,7 @@ mod tests {
             // A label may contain a comma here; the program, which knows all labels, refuses it.
             assert_eq!(parsed.is_err(), body != "Cz,Fz always", "{path} {body}");
         }
-        assert_eq!(
-            Command::parse("/marker", &[0xff]).map(|of| of.is_err()),
-            Some(true)
-        );
+        assert_eq!(Command::parse("/marker", &[0xff]).map(|of| of.is_err()), Some(true));
         assert_eq!(parse("/quit", ""), None);
     }
 }

@@ -48,20 +48,13 @@ pub(crate) struct Feed {
 
 impl Default for Feed {
     fn default() -> Feed {
-        Feed {
-            ring: channel(RING_MESSAGES).0,
-            dropped: Arc::default(),
-            start: Instant::now(),
-        }
+        Feed { ring: channel(RING_MESSAGES).0, dropped: Arc::default(), start: Instant::now() }
     }
 }
 
 impl Feed {
     pub(crate) fn subscribe(&self) -> Subscription {
-        Subscription {
-            feed: self.clone(),
-            messages: self.ring.subscribe(),
-        }
+        Subscription { feed: self.clone(), messages: self.ring.subscribe() }
     }
 
     pub(crate) fn viewers(&self) -> usize {
@@ -124,11 +117,7 @@ pub struct ViewSink<M> {
 
 impl<M> ViewSink<M> {
     pub(crate) const fn new(feed: Feed, topic: ViewTopic) -> ViewSink<M> {
-        ViewSink {
-            feed,
-            topic,
-            message: PhantomData,
-        }
+        ViewSink { feed, topic, message: PhantomData }
     }
 }
 

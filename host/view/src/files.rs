@@ -14,21 +14,9 @@ const SCRIPT: &str = "text/javascript; charset=utf-8";
 /// Path, content type and text of every file. A request names one of these paths or is refused, so
 /// no path leads to the file system.
 const FILES: [(&str, &str, &str); 22] = [
-    (
-        "/",
-        "text/html; charset=utf-8",
-        include_str!("../page/index.html"),
-    ),
-    (
-        "/style.css",
-        "text/css; charset=utf-8",
-        include_str!("../page/style.css"),
-    ),
-    (
-        "/icon.svg",
-        "image/svg+xml",
-        include_str!("../page/icon.svg"),
-    ),
+    ("/", "text/html; charset=utf-8", include_str!("../page/index.html")),
+    ("/style.css", "text/css; charset=utf-8", include_str!("../page/style.css")),
+    ("/icon.svg", "image/svg+xml", include_str!("../page/icon.svg")),
     ("/axis.js", SCRIPT, include_str!("../page/axis.js")),
     ("/session.js", SCRIPT, include_str!("../page/session.js")),
     ("/code.js", SCRIPT, include_str!("../page/code.js")),
@@ -42,17 +30,9 @@ const FILES: [(&str, &str, &str); 22] = [
     ("/main.js", SCRIPT, include_str!("../page/main.js")),
     ("/palette.js", SCRIPT, include_str!("../page/palette.js")),
     ("/plot.js", SCRIPT, include_str!("../page/plot.js")),
-    (
-        "/reference.js",
-        SCRIPT,
-        include_str!("../page/reference.js"),
-    ),
+    ("/reference.js", SCRIPT, include_str!("../page/reference.js")),
     ("/spectrum.js", SCRIPT, include_str!("../page/spectrum.js")),
-    (
-        "/spectrum_panel.js",
-        SCRIPT,
-        include_str!("../page/spectrum_panel.js"),
-    ),
+    ("/spectrum_panel.js", SCRIPT, include_str!("../page/spectrum_panel.js")),
     ("/store.js", SCRIPT, include_str!("../page/store.js")),
     ("/traces.js", SCRIPT, include_str!("../page/traces.js")),
     ("/welch.js", SCRIPT, include_str!("../page/welch.js")),

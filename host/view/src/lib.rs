@@ -79,28 +79,20 @@ impl View {
         let feed = Feed::default();
         let server = Server::new(address, token, feed.clone(), on_command);
         let (stop, stopped) = oneshot::channel();
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_all()
-            .build()?;
-        std::thread::Builder::new()
-            .name("view".to_owned())
-            .spawn(move || {
-                runtime.block_on(async move {
-                    match TcpListener::from_std(listener) {
-                        Ok(listener) => tokio::select! {
-                            () = server.serve(listener) => {}
-                            // An error means that the `View` was dropped.
-                            _ = stopped => {}
-                        },
-                        Err(error) => tracing::error!(%error, "the live page is not served"),
-                    }
-                });
-            })?;
-        Ok(View {
-            feed,
-            url,
-            _stop: stop,
-        })
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+        std::thread::Builder::new().name("view".to_owned()).spawn(move || {
+            runtime.block_on(async move {
+                match TcpListener::from_std(listener) {
+                    Ok(listener) => tokio::select! {
+                        () = server.serve(listener) => {}
+                        // An error means that the `View` was dropped.
+                        _ = stopped => {}
+                    },
+                    Err(error) => tracing::error!(%error, "the live page is not served"),
+                }
+            });
+        })?;
+        Ok(View { feed, url, _stop: stop })
     }
 
     /// Creates a sink for the messages of one topic.

@@ -23,10 +23,7 @@ pub struct Refusal {
 
 impl Refusal {
     pub(crate) const fn new(status: &'static str) -> Refusal {
-        Refusal {
-            status,
-            why: status,
-        }
+        Refusal { status, why: status }
     }
 }
 
@@ -113,11 +110,8 @@ fn parse(head: &str) -> Result<(Request, usize), Refusal> {
     else {
         return Err(BAD_REQUEST);
     };
-    let mut request = Request {
-        method: method.to_owned(),
-        target: target.to_owned(),
-        ..Request::default()
-    };
+    let mut request =
+        Request { method: method.to_owned(), target: target.to_owned(), ..Request::default() };
     let (mut hosts, mut lengths, mut is_open) = (0, Vec::new(), false);
     for line in lines {
         let (name, value) = line.split_once(':').ok_or(BAD_REQUEST)?;

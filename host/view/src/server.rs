@@ -70,13 +70,7 @@ impl Server {
         feed: Feed,
         on_command: impl Fn(Command, Reply) + Send + Sync + 'static,
     ) -> Server {
-        Server {
-            address,
-            token,
-            feed,
-            on_command: Box::new(on_command),
-            waiting: Mutex::default(),
-        }
+        Server { address, token, feed, on_command: Box::new(on_command), waiting: Mutex::default() }
     }
 
     fn waiting(&self) -> MutexGuard<'_, BTreeMap<u64, AbortHandle>> {
@@ -146,10 +140,7 @@ impl Server {
         }
         let token = request.token.as_ref();
         let has_token = token.is_some_and(|token| self.token.matches(token));
-        let (path, query) = request
-            .target
-            .split_once('?')
-            .unwrap_or((&request.target, ""));
+        let (path, query) = request.target.split_once('?').unwrap_or((&request.target, ""));
         match (request.method.as_str(), path) {
             // Refuse pages of other sites: they could use up the connections of all viewers.
             ("GET", "/stream") if request.is_foreign => Err(FORBIDDEN),

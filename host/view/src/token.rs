@@ -63,12 +63,7 @@ mod tests {
     fn only_the_whole_token_matches() {
         let token: Token = "abcdefgh-_012345".parse().expect("a token");
         assert!(token.matches("abcdefgh-_012345"));
-        for other in [
-            "",
-            "a",
-            "abcdefgh-_012346",
-            "abcdefgh-_012345abcdefgh-_012345",
-        ] {
+        for other in ["", "a", "abcdefgh-_012346", "abcdefgh-_012345abcdefgh-_012345"] {
             assert!(!token.matches(other), "{other}");
         }
         assert_eq!(format!("{token:?}"), "Token(..)");

@@ -45,10 +45,7 @@ impl Accumulator {
     #[cfg(not(all(target_arch = "arm", target_has_atomic = "32")))]
     #[inline(always)]
     pub(crate) fn multiply_add(self, fraction: i32, x: i32) -> Self {
-        Self::from_q32(
-            self.to_q32()
-                .wrapping_add(i64::from(fraction) * i64::from(x)),
-        )
+        Self::from_q32(self.to_q32().wrapping_add(i64::from(fraction) * i64::from(x)))
     }
 
     #[cfg(any(test, not(all(target_arch = "arm", target_has_atomic = "32"))))]
@@ -58,10 +55,7 @@ impl Accumulator {
         reason = "the two halves of a 64-bit word"
     )]
     const fn from_q32(sum: i64) -> Self {
-        Self {
-            high: (sum >> 32) as i32,
-            low: sum as u32,
-        }
+        Self { high: (sum >> 32) as i32, low: sum as u32 }
     }
 
     #[cfg(any(test, not(all(target_arch = "arm", target_has_atomic = "32"))))]

@@ -52,10 +52,7 @@ pub struct BandPower<const N: usize> {
 
 impl<const N: usize> BandPower<N> {
     /// State after a long silence.
-    pub const REST: Self = Self {
-        states: [CascadeState::REST; N],
-        energies: [0; N],
-    };
+    pub const REST: Self = Self { states: [CascadeState::REST; N], energies: [0; N] };
 
     /// Filters `B` consecutive samples of the first `signals` signals, and adds the squares of the
     /// filtered samples to the energies. The block length affects only the number of instructions,

@@ -23,11 +23,7 @@ pub struct CascadeState<const N: usize> {
 
 impl<const N: usize> CascadeState<N> {
     /// State after a long input of zeros.
-    pub const REST: Self = Self {
-        x1: 0,
-        x2: 0,
-        sections: [SectionState::REST; N],
-    };
+    pub const REST: Self = Self { x1: 0, x2: 0, sections: [SectionState::REST; N] };
 }
 
 /// Largest number of sections in a cascade; the code for this many sections is unrolled by hand.
@@ -48,10 +44,7 @@ impl<const N: usize> Cascade<N> {
 
     /// Filters `B` consecutive samples of one channel.
     #[inline(always)]
-    #[expect(
-        unused_assignments,
-        reason = "the last section's outputs are no section's inputs"
-    )]
+    #[expect(unused_assignments, reason = "the last section's outputs are no section's inputs")]
     pub(crate) fn apply_block<const B: usize>(
         &self,
         fractions: &[Fractions; N],
@@ -87,26 +80,20 @@ mod tests {
     /// Returns a stable cascade for the tests: a high-pass with a double pole at 0.9 and a low-pass
     /// with a double pole at 0.5.
     fn cascade() -> Cascade<2> {
-        let high_pass = Section::HighPass {
-            a1: Coefficient::nearest(1.8),
-            a2: Coefficient::nearest(-0.81),
-        };
+        let high_pass =
+            Section::HighPass { a1: Coefficient::nearest(1.8), a2: Coefficient::nearest(-0.81) };
         let low_pass = Section::LowPass {
             gain: Coefficient::nearest(0.0625),
             a1: Coefficient::nearest(1.0),
             a2: Coefficient::nearest(-0.25),
         };
-        Cascade {
-            sections: [high_pass, low_pass],
-        }
+        Cascade { sections: [high_pass, low_pass] }
     }
 
     #[test]
     fn a_constant_offset_decays_to_zero() {
         let mut state = CascadeState::REST;
-        let last = (0..2_000)
-            .map(|_| cascade().apply(&mut state, 100_000_000))
-            .last();
+        let last = (0..2_000).map(|_| cascade().apply(&mut state, 100_000_000)).last();
         assert_eq!(last, Some(0));
     }
 }

@@ -16,10 +16,7 @@ pub struct Coefficient {
 
 impl Coefficient {
     /// Returns the coefficient nearest to `value`; |value| must be below 2^30.
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "|value| < 2^30, so |scaled| < 2^62"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "|value| < 2^30, so |scaled| < 2^62")]
     pub const fn nearest(value: f64) -> Self {
         let scaled = value * 4_294_967_296.0;
         let half = if scaled < 0.0 { -0.5 } else { 0.5 };
@@ -33,10 +30,7 @@ impl Coefficient {
     )]
     pub const fn from_q32(q32: i64) -> Self {
         let integer = (q32 + (1 << 31)) >> 32;
-        Self {
-            integer: integer as i32,
-            fraction: (q32 - (integer << 32)) as i32,
-        }
+        Self { integer: integer as i32, fraction: (q32 - (integer << 32)) as i32 }
     }
 
     /// Returns the exact value of the coefficient in Q32.
@@ -51,16 +45,11 @@ mod tests {
 
     #[test]
     fn a_coefficient_is_its_value_to_half_a_unit_of_q32() {
-        for value in [
-            -1.996_226, -1.5, -0.5, -0.1, 0.0, 0.25, 0.5, 0.99, 1.5, 1.999_999,
-        ] {
+        for value in [-1.996_226, -1.5, -0.5, -0.1, 0.0, 0.25, 0.5, 0.99, 1.5, 1.999_999] {
             let c = Coefficient::nearest(value);
             #[expect(clippy::cast_precision_loss, reason = "|q32| < 2^34 is exact in f64")]
             let back = c.to_q32() as f64 / 4_294_967_296.0;
-            assert!(
-                (back - value).abs() <= 0.5 / 4_294_967_296.0,
-                "{value} became {back}"
-            );
+            assert!((back - value).abs() <= 0.5 / 4_294_967_296.0, "{value} became {back}");
         }
     }
 }

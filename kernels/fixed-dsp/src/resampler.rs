@@ -35,10 +35,7 @@ impl Resampler<1, 1> {
     /// If `down` is 0; at compile time in a `const` context.
     pub const fn every(down: u16) -> Self {
         assert!(down > 0, "`down` must be at least 1");
-        Self {
-            down,
-            taps: [[Self::UNITY]],
-        }
+        Self { down, taps: [[Self::UNITY]] }
     }
 }
 
@@ -70,10 +67,7 @@ impl<const PHASES: usize, const TAPS: usize> Resampler<PHASES, TAPS> {
     /// output's phase: its time after this sample, in 1 / `PHASES` of the interval between input
     /// samples.
     #[inline]
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "PHASES <= down, which has 16 bits"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "PHASES <= down, which has 16 bits")]
     pub const fn advance(&self, position: &mut Position) -> Option<usize> {
         let parts = const { PHASES as u16 };
         if position.ahead < parts {
@@ -101,9 +95,7 @@ impl<const PHASES: usize, const TAPS: usize> Resampler<PHASES, TAPS> {
         line: &DelayLine<CHANNELS, TAPS>,
     ) -> [i32; CHANNELS] {
         let mut outputs = [0; CHANNELS];
-        for (output, sum) in outputs
-            .iter_mut()
-            .zip(line.weighted_sums(&self.taps[phase % PHASES]))
+        for (output, sum) in outputs.iter_mut().zip(line.weighted_sums(&self.taps[phase % PHASES]))
         {
             *output = ((sum + i64::from(Self::UNITY / 2)) >> 30) as i32;
         }
@@ -122,10 +114,7 @@ pub struct DelayLine<const CHANNELS: usize, const TAPS: usize> {
 
 impl<const CHANNELS: usize, const TAPS: usize> DelayLine<CHANNELS, TAPS> {
     /// A delay line whose samples are all 0.
-    pub const SILENCE: Self = Self {
-        samples: [[0; TAPS]; CHANNELS],
-        newest: 0,
-    };
+    pub const SILENCE: Self = Self { samples: [[0; TAPS]; CHANNELS], newest: 0 };
 
     /// Stores the next sample of each channel in place of its oldest one.
     #[inline]
@@ -201,17 +190,13 @@ mod tests {
     #[test]
     fn outputs_are_due_at_multiples_of_the_ratio_with_the_sample_before() {
         // From 500 Hz to 128 Hz, outputs are 125 / 32 = 3.90625 input samples apart.
-        let resampler = Resampler {
-            down: 125,
-            taps: [[0]; 32],
-        };
+        let resampler = Resampler { down: 125, taps: [[0]; 32] };
         let mut position = Position::START;
         let due: Vec<(usize, usize)> = (0..1_000)
             .filter_map(|sample| Some((sample, resampler.advance(&mut position)?)))
             .collect();
-        let expected: Vec<(usize, usize)> = (0..256)
-            .map(|output| (output * 125 / 32, output * 125 % 32))
-            .collect();
+        let expected: Vec<(usize, usize)> =
+            (0..256).map(|output| (output * 125 / 32, output * 125 % 32)).collect();
         assert_eq!(due, expected);
     }
 
@@ -219,20 +204,8 @@ mod tests {
     fn a_resampler_that_raises_the_rate_or_could_overflow_is_inconsistent() {
         let unity = Resampler::<1, 1>::UNITY;
         assert!(Resampler::every(1).is_consistent());
-        assert!(
-            !Resampler {
-                down: 2,
-                taps: [[unity]; 3]
-            }
-            .is_consistent()
-        );
-        assert!(
-            !Resampler {
-                down: 4,
-                taps: [[unity, -unity]]
-            }
-            .is_consistent()
-        );
+        assert!(!Resampler { down: 2, taps: [[unity]; 3] }.is_consistent());
+        assert!(!Resampler { down: 4, taps: [[unity, -unity]] }.is_consistent());
     }
 
     #[test]

@@ -64,11 +64,7 @@ impl SectionState {
     ///
     /// If the rounding error started at 0, it would step to its mean, and the high-pass sections
     /// would turn this step into a transient of up to 0.03 uV (computed for the checked-in model).
-    pub(crate) const REST: Self = Self {
-        y1: 0,
-        y2: 0,
-        error: 1 << 31,
-    };
+    pub(crate) const REST: Self = Self { y1: 0, y2: 0, error: 1 << 31 };
 }
 
 /// Fractions of a section's coefficients, Q0.32, in the order of the fields of [`Section`]'s
@@ -143,10 +139,8 @@ fn notch<const B: usize>(
     let (mut u1, mut u2) = (state.y1.wrapping_sub(x1), state.y2.wrapping_sub(x2));
     for x in block {
         let balance = state.y2.wrapping_add(u2).wrapping_sub(*x);
-        let high = a1
-            .wrapping_mul(u1)
-            .wrapping_sub(u2)
-            .wrapping_add(one_minus_b0.wrapping_mul(balance));
+        let high =
+            a1.wrapping_mul(u1).wrapping_sub(u2).wrapping_add(one_minus_b0.wrapping_mul(balance));
         let sum = state
             .accumulator(high)
             .multiply_add(fractions[0], u1)
@@ -241,10 +235,7 @@ impl SectionState {
     /// rounding error of the previous output.
     #[inline(always)]
     fn accumulator(&self, high: i32) -> Accumulator {
-        Accumulator {
-            high,
-            low: self.error,
-        }
+        Accumulator { high, low: self.error }
     }
 
     /// Stores the output `y` and its rounding error, and returns `y`.

@@ -81,10 +81,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
     pub fn transform(&self, plane: &[Pair], transformed: &mut [Pair]) {
         let positions = self.input().rows * COLUMNS;
         let transformed = &mut transformed[..positions * PAIRS];
-        for (pair, plane) in plane[..PAIRS * positions]
-            .chunks_exact(positions)
-            .enumerate()
-        {
+        for (pair, plane) in plane[..PAIRS * positions].chunks_exact(positions).enumerate() {
             for (place, &value) in transformed.chunks_exact_mut(PAIRS).zip(plane) {
                 place[pair] = value;
             }

@@ -78,10 +78,7 @@ fn block_portable<O: Octet, const SEGMENTS: usize, const WIDTH: usize, const STR
     weights: &[Pair],
 ) -> [i32; POSITIONS * OUTPUTS] {
     let mut sums = [O::zeros(); POSITIONS];
-    for (segment, weights) in inputs
-        .into_iter()
-        .zip(weights.chunks_exact(OUTPUTS * WIDTH))
-    {
+    for (segment, weights) in inputs.into_iter().zip(weights.chunks_exact(OUTPUTS * WIDTH)) {
         // Arrays of known length save the bounds checks in the loop below.
         let positions: [&[Pair; WIDTH]; POSITIONS] = core::array::from_fn(|position| {
             let inputs = &segment[position * STRIDE..][..WIDTH];

@@ -43,11 +43,7 @@ pub struct InputConv<'w, const COLUMNS: usize> {
 impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
     /// Returns the shape of an input plane: `rows` x `COLUMNS` positions, one channel.
     pub const fn input(&self) -> PlaneShape {
-        PlaneShape {
-            rows: self.rows,
-            columns: COLUMNS,
-            channels: 1,
-        }
+        PlaneShape { rows: self.rows, columns: COLUMNS, channels: 1 }
     }
 
     /// Returns the number of pairs in the packed weights of `outputs` output channels.
@@ -132,10 +128,8 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
             .iter()
             .zip(self.multipliers.as_chunks::<OUTPUTS>().0);
         let weights = self.weights.chunks_exact(OUTPUTS * WIDTH);
-        for ((places, weights), (bias, multipliers)) in output
-            .chunks_exact_mut(positions)
-            .zip(weights)
-            .zip(channels)
+        for ((places, weights), (bias, multipliers)) in
+            output.chunks_exact_mut(positions).zip(weights).zip(channels)
         {
             dots::<O, 1, WIDTH, WIDTH>([patches], weights, sums.as_chunks_mut().0);
             for (place, sums) in places.iter_mut().zip(sums.as_chunks::<OUTPUTS>().0) {
@@ -238,12 +232,7 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
 /// Runs [`InputConv::convolve`] with the octets that the processor supports.
 #[cfg(not(smlad))]
 impl<const COLUMNS: usize> Kernel
-    for (
-        &InputConv<'_, COLUMNS>,
-        [&[Pair]; 3],
-        [&mut [Pair]; 2],
-        &mut [i32],
-    )
+    for (&InputConv<'_, COLUMNS>, [&[Pair]; 3], [&mut [Pair]; 2], &mut [i32])
 {
     #[inline(always)]
     fn run<O: Octet>(self) {
@@ -256,9 +245,5 @@ impl<const COLUMNS: usize> Kernel
 /// `gather_patches` writes for a position.
 const fn place(tap: usize) -> usize {
     let (row, column) = (tap / 3, tap % 3);
-    if column < 2 {
-        2 * row + column
-    } else {
-        2 * 9 + row
-    }
+    if column < 2 { 2 * row + column } else { 2 * 9 + row }
 }

@@ -47,10 +47,7 @@
 //! ```
 #![no_std]
 #![deny(unsafe_code)]
-#![expect(
-    clippy::inline_always,
-    reason = "a call costs more than the body of these functions"
-)]
+#![expect(clippy::inline_always, reason = "a call costs more than the body of these functions")]
 
 #[cfg(test)]
 extern crate std;

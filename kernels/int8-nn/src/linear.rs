@@ -86,10 +86,9 @@ impl Linear<'_> {
     /// changes nothing and returns false. For callers whose matrix is not known at compile time.
     #[inline]
     pub fn try_accumulate(&self, inputs: &[Pair], accumulators: &mut [i32]) -> bool {
-        let (Some(inputs), Some(accumulators)) = (
-            inputs.get(..self.inputs),
-            accumulators.get_mut(..self.outputs),
-        ) else {
+        let (Some(inputs), Some(accumulators)) =
+            (inputs.get(..self.inputs), accumulators.get_mut(..self.outputs))
+        else {
             return false;
         };
         if !self.is_consistent(self.inputs, self.outputs) {
@@ -135,11 +134,7 @@ impl Linear<'_> {
         // The low byte is the even weight; after its subtraction, the high byte is the odd weight.
         let weight = |shared: i16| {
             let even = i16::from(shared.to_le_bytes()[0].cast_signed());
-            if output.is_multiple_of(2) {
-                even
-            } else {
-                shared.wrapping_sub(even) >> 8
-            }
+            if output.is_multiple_of(2) { even } else { shared.wrapping_sub(even) >> 8 }
         };
         Pair::new(shared.map_or([0; 2], |shared| shared.get().map(weight)))
     }
@@ -190,10 +185,7 @@ impl Kernel for Accumulate<'_> {
             let (both, even) = (both.output_sums(), even.output_sums());
             for (index, outputs) in outputs.as_chunks_mut::<2>().0.iter_mut().enumerate() {
                 let odd = both[index].wrapping_sub(even[index]) >> 8;
-                *outputs = [
-                    outputs[0].wrapping_add(even[index]),
-                    outputs[1].wrapping_add(odd),
-                ];
+                *outputs = [outputs[0].wrapping_add(even[index]), outputs[1].wrapping_add(odd)];
             }
         }
     }

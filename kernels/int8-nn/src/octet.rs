@@ -107,9 +107,7 @@ impl Octet for Plain {
     fn output_sums(self) -> [i32; OUTPUTS] {
         core::array::from_fn(|output| {
             let words = [0, 1, INPUTS, INPUTS + 1].map(|at| self.0[output * ROUND + at]);
-            words
-                .iter()
-                .fold(0, |sum: i32, word| sum.wrapping_add(word.0.cast_signed()))
+            words.iter().fold(0, |sum: i32, word| sum.wrapping_add(word.0.cast_signed()))
         })
     }
 }
@@ -142,8 +140,7 @@ mod tests {
                 }
                 let inputs = O::inputs(&pairs(step));
                 low_sums = inputs.multiply_add(weights.low_bytes(), low_sums);
-                self.0
-                    .push((O::position_sums(sums), low_sums.output_sums()));
+                self.0.push((O::position_sums(sums), low_sums.output_sums()));
             }
         }
     }

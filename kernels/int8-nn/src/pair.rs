@@ -163,9 +163,6 @@ mod tests {
         assert_eq!((a + b).get(), [0, i16::MIN]);
         assert_eq!((b - a).get(), [2, i16::MIN + 2]);
         assert_eq!(Pair::new([255, 3]).quadrupled().get(), [1020, 12]);
-        assert_eq!(
-            Pair::new([-3, 5]).multiply_add(Pair::new([7, -11]), 100),
-            24
-        );
+        assert_eq!(Pair::new([-3, 5]).multiply_add(Pair::new([7, -11]), 100), 24);
     }
 }

@@ -11,10 +11,7 @@ pub struct PlaneRing<T, const LEN: usize, const DEPTH: usize> {
 impl<T: Copy, const LEN: usize, const DEPTH: usize> PlaneRing<T, LEN, DEPTH> {
     /// Returns a ring in which all elements of all planes are `value`.
     pub const fn filled(value: T) -> Self {
-        Self {
-            planes: [[value; LEN]; DEPTH],
-            next: 0,
-        }
+        Self { planes: [[value; LEN]; DEPTH], next: 0 }
     }
 
     /// Drops the oldest plane and returns its memory, which the caller fills with the newest one.

@@ -75,11 +75,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
     /// Returns the shape of an input plane: the shape of the outputs of all tiles, plus the two
     /// rows and two columns by which an unpadded convolution shrinks a plane.
     pub const fn input(&self) -> PlaneShape {
-        PlaneShape {
-            rows: TILE[0] * self.tile_rows + 2,
-            columns: COLUMNS,
-            channels: 2 * PAIRS,
-        }
+        PlaneShape { rows: TILE[0] * self.tile_rows + 2, columns: COLUMNS, channels: 2 * PAIRS }
     }
 
     /// Returns the shape of a pooled plane, which holds the maxima over two planes of outputs.

@@ -91,20 +91,11 @@ fn case(
     [low, high]: [i16; 2],
 ) -> impl Strategy<Value = Case> {
     (pool, 1_usize..4, 1_usize..4).prop_flat_map(move |(pool, rows, outputs)| {
-        let pooled = PlaneShape {
-            rows,
-            columns: (columns - 2) / pool[2],
-            channels: 2 * outputs,
-        };
+        let pooled = PlaneShape { rows, columns: (columns - 2) / pool[2], channels: 2 * outputs };
         let plane = inputs(low, high, (rows * pool[1] + 2) * columns * 2 * pairs);
         let planes = prop::collection::vec(plane, pool[0] + 2);
         let weights = weights(27 * 2 * pairs * pooled.channels);
-        (weights, planes).prop_map(move |(weights, planes)| Case {
-            pool,
-            pooled,
-            weights,
-            planes,
-        })
+        (weights, planes).prop_map(move |(weights, planes)| Case { pool, pooled, weights, planes })
     })
 }
 
@@ -143,17 +134,11 @@ impl Case {
         let outputs = self.pooled.channels;
         let sums = (0..self.pooled.len()).map(|index| {
             let (position, output) = (index / outputs, index % outputs);
-            let first = [
-                position / self.pooled.columns * rows,
-                position % self.pooled.columns * columns,
-            ];
+            let first =
+                [position / self.pooled.columns * rows, position % self.pooled.columns * columns];
             let window = (0..steps * rows * columns).map(|k| {
                 let planes = std::array::from_fn(|age| &self.planes[k / rows / columns + age][..]);
-                let place = [
-                    first[0] + k / columns % rows,
-                    first[1] + k % columns,
-                    output,
-                ];
+                let place = [first[0] + k / columns % rows, first[1] + k % columns, output];
                 convolved(input, planes, &self.weights, outputs, place)
             });
             window.max().expect("a pool has positions")
@@ -167,11 +152,8 @@ fn compare<const COLUMNS: usize>(case: &Case) -> Result<(), TestCaseError> {
     let outputs = case.pooled.channels;
     let mut weights = vec![Pair::ZERO; Winograd::<PAIRS, COLUMNS>::weights_len(outputs)];
     Winograd::<PAIRS, COLUMNS>::transform_weights(outputs, &case.weights, &mut weights);
-    let conv = Winograd::<PAIRS, COLUMNS> {
-        tile_rows: case.pooled.rows,
-        outputs,
-        weights: &weights,
-    };
+    let conv =
+        Winograd::<PAIRS, COLUMNS> { tile_rows: case.pooled.rows, outputs, weights: &weights };
     let input = conv.input();
     prop_assert!(conv.is_consistent(input, case.pooled));
     let transformed = case.transformed(input, conv.transformed_len(), |plane, out| {
@@ -182,9 +164,7 @@ fn compare<const COLUMNS: usize>(case: &Case) -> Result<(), TestCaseError> {
         let planes = std::array::from_fn(|age| &transformed[later + age][..]);
         conv.convolve_max_pool(planes, &mut largest);
     }
-    let unscaled = largest
-        .into_iter()
-        .map(Winograd::<PAIRS, COLUMNS>::unscaled);
+    let unscaled = largest.into_iter().map(Winograd::<PAIRS, COLUMNS>::unscaled);
     prop_assert_eq!(unscaled.collect::<Vec<_>>(), case.pooled_sums(input));
     Ok(())
 }
@@ -333,11 +313,7 @@ fn no_sum_overflows_with_all_weights_and_inputs_at_the_ends_of_their_ranges() {
         for input in [0, 255, largest_input()] {
             let case = Case {
                 pool: [2, 2, 2],
-                pooled: PlaneShape {
-                    rows: 3,
-                    columns: 2,
-                    channels: 2,
-                },
+                pooled: PlaneShape { rows: 3, columns: 2, channels: 2 },
                 weights: vec![weight; 27 * 2 * PAIRS * 2],
                 planes: vec![vec![input; 8 * 6 * 2 * PAIRS]; 4],
             };
@@ -347,11 +323,7 @@ fn no_sum_overflows_with_all_weights_and_inputs_at_the_ends_of_their_ranges() {
             let weights = vec![weight; 256 * 4];
             let mut packed = vec![Pair::ZERO; 128 * 4 / 2];
             Linear::pack_weights(128, 4, &weights, &mut packed);
-            let layer = Linear {
-                inputs: 128,
-                outputs: 4,
-                weights: &packed,
-            };
+            let layer = Linear { inputs: 128, outputs: 4, weights: &packed };
             let mut sums = [0; 4];
             layer.accumulate(&paired(&[input; 256]), &mut sums);
             assert_eq!(sums, [256 * i32::from(input) * i32::from(weight); 4]);
@@ -362,10 +334,6 @@ fn no_sum_overflows_with_all_weights_and_inputs_at_the_ends_of_their_ranges() {
 #[test]
 #[should_panic(expected = "whole rounds")]
 fn a_matrix_with_an_incomplete_round_of_inputs_is_refused() {
-    let layer = Linear {
-        inputs: 2,
-        outputs: 4,
-        weights: &[Pair::ZERO; 4],
-    };
+    let layer = Linear { inputs: 2, outputs: 4, weights: &[Pair::ZERO; 4] };
     layer.accumulate(&[Pair::ZERO; 2], &mut [0; 4]);
 }

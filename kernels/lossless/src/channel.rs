@@ -25,11 +25,8 @@ pub(crate) struct Past {
 impl Channel {
     /// State of a channel before its first block. All fields are zero, so that a static with this
     /// value takes no flash. The first block, a key block, sets the order.
-    pub(crate) const NEW: Self = Self {
-        past: Past { x: 0, d1: 0, d2: 0 },
-        mean: 0,
-        order: Order::Zero,
-    };
+    pub(crate) const NEW: Self =
+        Self { past: Past { x: 0, d1: 0, d2: 0 }, mean: 0, order: Order::Zero };
 
     /// Returns the Rice parameter k of the next block: log2 of the mean, rounded down.
     #[inline]

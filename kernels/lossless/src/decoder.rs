@@ -79,9 +79,7 @@ fn decompress(
     bytes: &[u8],
     counts: &mut [Count],
 ) -> Result<(), DecodeError> {
-    let (announced, bits) = bytes
-        .split_first_chunk::<SUM_BYTES>()
-        .ok_or(DecodeError::Malformed)?;
+    let (announced, bits) = bytes.split_first_chunk::<SUM_BYTES>().ok_or(DecodeError::Malformed)?;
     let mut reader = BitReader::new(bits);
     let channels = past.len();
     for (index, channel) in past.iter_mut().enumerate() {
@@ -126,9 +124,7 @@ fn decode_channel<'c>(
     let k = channel.k();
     let (mut sum, mut codes) = (0, 0);
     for place in places {
-        let zeros = reader
-            .take_zeros(rice::ESCAPE)
-            .ok_or(DecodeError::Malformed)?;
+        let zeros = reader.take_zeros(rice::ESCAPE).ok_or(DecodeError::Malformed)?;
         let is_escaped = zeros == rice::ESCAPE;
         let width = if is_escaped { rice::COUNT_BITS } else { k };
         let bits = reader.take(width).ok_or(DecodeError::Malformed)?;
@@ -137,10 +133,7 @@ fn decode_channel<'c>(
             number([low, middle, high])
         } else {
             let difference = rice::unfold(zeros << k | bits);
-            channel
-                .past
-                .predicted(channel.order)
-                .wrapping_add(difference)
+            channel.past.predicted(channel.order).wrapping_add(difference)
         };
         let [low, middle, high, _] = count.to_le_bytes();
         *place = [low, middle, high];
@@ -196,11 +189,7 @@ struct BitReader<'b> {
 
 impl<'b> BitReader<'b> {
     const fn new(bytes: &'b [u8]) -> Self {
-        Self {
-            bytes,
-            pending: 0,
-            held: 0,
-        }
+        Self { bytes, pending: 0, held: 0 }
     }
 
     /// Takes the next `width` bits, 0 to 32; `None` if there are fewer.
@@ -218,11 +207,7 @@ impl<'b> BitReader<'b> {
     fn take_zeros(&mut self, most: u32) -> Option<u32> {
         self.fill();
         let zeros = self.pending.leading_zeros();
-        let (zeros, width) = if zeros < most {
-            (zeros, zeros + 1)
-        } else {
-            (most, most)
-        };
+        let (zeros, width) = if zeros < most { (zeros, zeros + 1) } else { (most, most) };
         self.take(width)?;
         Some(zeros)
     }

@@ -28,11 +28,8 @@ pub struct EncoderState<const CHANNELS: usize> {
 
 impl<const CHANNELS: usize> EncoderState<CHANNELS> {
     /// State before the first block, which will be a key block.
-    pub const NEW: Self = Self {
-        channels: [Channel::NEW; CHANNELS],
-        sizes: [[0; 4]; CHANNELS],
-        until_key: 0,
-    };
+    pub const NEW: Self =
+        Self { channels: [Channel::NEW; CHANNELS], sizes: [[0; 4]; CHANNELS], until_key: 0 };
 
     /// Makes the next block a key block. Call this before a block that does not directly follow the
     /// previous one.
@@ -54,11 +51,7 @@ impl Encoder {
         room: &'r mut [[Count; CHANNELS]; MAX_SAMPLES],
     ) -> Block<'r> {
         let samples = &samples[..samples.len().min(MAX_SAMPLES)];
-        let kind = if state.until_key == 0 {
-            Kind::Key
-        } else {
-            Kind::Continuing
-        };
+        let kind = if state.until_key == 0 { Kind::Key } else { Kind::Continuing };
         state.until_key = match kind {
             Kind::Key => self.key_blocks.saturating_sub(1),
             _ => state.until_key - 1,
@@ -68,17 +61,9 @@ impl Encoder {
         let Some(length) = compress(state, samples, kind, bytes_of(room)) else {
             state.require_key();
             room.copy_from_slice(samples);
-            return Block {
-                kind: Kind::Verbatim,
-                samples: samples.len(),
-                bytes: bytes_of(room),
-            };
+            return Block { kind: Kind::Verbatim, samples: samples.len(), bytes: bytes_of(room) };
         };
-        Block {
-            kind,
-            samples: samples.len(),
-            bytes: &bytes_of(room)[..length],
-        }
+        Block { kind, samples: samples.len(), bytes: &bytes_of(room)[..length] }
     }
 }
 
@@ -197,13 +182,7 @@ impl<'b> BitWriter<'b> {
     #[inline]
     fn new(room: &'b mut [u8]) -> Self {
         let (words, _) = room.as_chunks_mut();
-        Self {
-            capacity: words.len(),
-            room: words.iter_mut(),
-            pending: 0,
-            free: 32,
-            is_full: false,
-        }
+        Self { capacity: words.len(), room: words.iter_mut(), pending: 0, free: 32, is_full: false }
     }
 
     /// Appends the lowest `width` bits of `bits`; its other bits must be 0, and `width` is 1 to 32.

@@ -56,10 +56,7 @@ fn write_header(header: Header, announced: Rate, encoder: &mut RangeEncoder<'_>)
         (false, _) => 2,
     };
     let [start, end] = [START_SYMBOLS[symbol], START_SYMBOLS[symbol + 1]].map(u32::from);
-    let frequencies = Frequencies {
-        start,
-        count: end - start,
-    };
+    let frequencies = Frequencies { start, count: end - start };
     encoder.put(frequencies, FREQUENCY_BITS);
     if symbol == 2 {
         for bit in (0..4).rev() {
@@ -123,16 +120,10 @@ impl<'b> BlockReader<'b> {
         let mut starts = [u16::MAX; MAGNITUDES];
         starts[..4].copy_from_slice(&[first, second, third, end]);
         let header = match decoder.symbol(&starts) {
-            symbol @ (0 | 1) => Header {
-                rate: announced,
-                is_reset: symbol == 1,
-            },
+            symbol @ (0 | 1) => Header { rate: announced, is_reset: symbol == 1 },
             2 => {
                 let index = (0..4).fold(0, |index, _| index << 1 | u8::from(decoder.bit()));
-                Header {
-                    rate: Rate::new(index).ok_or(Malformed)?,
-                    is_reset: decoder.bit(),
-                }
+                Header { rate: Rate::new(index).ok_or(Malformed)?, is_reset: decoder.bit() }
             }
             _ => return Err(Malformed),
         };
@@ -184,9 +175,7 @@ impl<'b> BlockReader<'b> {
                 return Err(Malformed);
             }
         }
-        let number = (0..bits).fold(1_u32, |number, _| {
-            number << 1 | u32::from(self.decoder.bit())
-        });
+        let number = (0..bits).fold(1_u32, |number, _| number << 1 | u32::from(self.decoder.bit()));
         u16::try_from(number - 1 + u32::from(ESCAPE)).map_err(|_| Malformed)
     }
 }

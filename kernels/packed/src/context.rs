@@ -43,10 +43,7 @@ pub struct Context {
 
 impl Context {
     /// Initial value of a context that [`prepare`] will overwrite.
-    pub const EMPTY: Self = Self {
-        level: 0,
-        inverse: 0,
-    };
+    pub const EMPTY: Self = Self { level: 0, inverse: 0 };
 
     /// Returns the level, 0..[`LEVELS`], whose table codes the coefficient: the expected level plus
     /// an offset for the ratio of actual to expected activity.
@@ -70,10 +67,7 @@ pub fn prepare(levels: &[u8], rate: Rate, contexts: &mut [Context]) {
         let level = (i32::from(level) + rate.level_shift()).clamp(0, LAST_LEVEL);
         #[expect(clippy::cast_possible_truncation, reason = "below 64")]
         let level = level.cast_unsigned() as u8;
-        *context = Context {
-            level,
-            inverse: inverse(expected),
-        };
+        *context = Context { level, inverse: inverse(expected) };
         let mean = EXPECTED_STEP[usize::from(level) % LEVELS];
         expected = expected - (expected >> DECAY_BITS) + mean;
     }
@@ -140,18 +134,12 @@ pub fn symbols<'b>(
     contexts: &'b [Context],
 ) -> impl Iterator<Item = Symbol> + 'b {
     let mut place = Place::START;
-    magnitudes
-        .iter()
-        .zip(contexts)
-        .map(move |(&magnitude, context)| {
-            let symbol = Symbol {
-                quantiser: place.quantiser(),
-                level: place.level(*context),
-                magnitude,
-            };
-            place.advance(magnitude);
-            symbol
-        })
+    magnitudes.iter().zip(contexts).map(move |(&magnitude, context)| {
+        let symbol =
+            Symbol { quantiser: place.quantiser(), level: place.level(*context), magnitude };
+        place.advance(magnitude);
+        symbol
+    })
 }
 
 /// What encoder and decoder derive from a block's earlier magnitudes: state of the quantiser and
@@ -164,10 +152,7 @@ pub(crate) struct Place {
 
 impl Place {
     /// State and activity before the first coefficient of a block.
-    pub(crate) const START: Self = Self {
-        state: State::START,
-        activity: Activity::START,
-    };
+    pub(crate) const START: Self = Self { state: State::START, activity: Activity::START };
 
     /// Returns the quantiser of the next coefficient, 0 or 1.
     #[inline(always)]

@@ -48,10 +48,7 @@
 //! ```
 #![no_std]
 #![forbid(unsafe_code)]
-#![expect(
-    clippy::inline_always,
-    reason = "a call costs more than the body of these functions"
-)]
+#![expect(clippy::inline_always, reason = "a call costs more than the body of these functions")]
 
 mod block;
 mod context;

@@ -41,10 +41,7 @@ pub struct Magnitude {
 
 impl Magnitude {
     /// A quantised coefficient of 0.
-    pub const ZERO: Self = Self {
-        value: 0,
-        is_negative: false,
-    };
+    pub const ZERO: Self = Self { value: 0, is_negative: false };
 }
 
 /// Adds a block's dequantised coefficients to their prediction, saturating. `state` holds the

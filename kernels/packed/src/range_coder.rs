@@ -25,14 +25,7 @@ pub(crate) struct RangeEncoder<'b> {
 
 impl<'b> RangeEncoder<'b> {
     pub(crate) fn new(bytes: &'b mut [u8]) -> Self {
-        Self {
-            low: 0,
-            range: u32::MAX,
-            bytes,
-            length: 0,
-            significant: 0,
-            trailing_ones: 0,
-        }
+        Self { low: 0, range: u32::MAX, bytes, length: 0, significant: 0, trailing_ones: 0 }
     }
 
     /// Writes a symbol with a probability of `frequencies.count / 2^bits`.
@@ -65,25 +58,15 @@ impl<'b> RangeEncoder<'b> {
     ///
     /// Returns the length in bytes. It is larger than the buffer if the bytes did not fit.
     pub(crate) fn finish(mut self) -> usize {
-        let (low, end) = (
-            u64::from(self.low),
-            u64::from(self.low) + u64::from(self.range),
-        );
+        let (low, end) = (u64::from(self.low), u64::from(self.low) + u64::from(self.range));
         let rounded_up = |zeros: u32| (low + (1 << zeros) - 1) >> zeros << zeros;
         // In one block out of five, the range contains a number that ends in four zero bytes. It
         // always contains a number that ends in three, because it is at least 2^24.
-        let number = if rounded_up(32) < end {
-            rounded_up(32)
-        } else {
-            rounded_up(24)
-        };
+        let number = if rounded_up(32) < end { rounded_up(32) } else { rounded_up(24) };
         if number > u32::MAX.into() {
             self.carry();
         }
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "the carry is added already"
-        )]
+        #[expect(clippy::cast_possible_truncation, reason = "the carry is added already")]
         let low = number as u32;
         self.low = low;
         for _ in 0..4 {
@@ -103,11 +86,7 @@ impl<'b> RangeEncoder<'b> {
         if top != 0 {
             self.significant = self.length;
         }
-        self.trailing_ones = if top == u8::MAX {
-            self.trailing_ones + 1
-        } else {
-            0
-        };
+        self.trailing_ones = if top == u8::MAX { self.trailing_ones + 1 } else { 0 };
         self.low <<= 8;
     }
 
@@ -141,12 +120,7 @@ pub(crate) struct RangeDecoder<'b> {
 
 impl<'b> RangeDecoder<'b> {
     pub(crate) fn new(bytes: &'b [u8]) -> Self {
-        let mut decoder = Self {
-            offset: 0,
-            range: u32::MAX,
-            bytes,
-            read: 0,
-        };
+        let mut decoder = Self { offset: 0, range: u32::MAX, bytes, read: 0 };
         for _ in 0..4 {
             decoder.pull_byte();
         }
@@ -180,9 +154,7 @@ impl<'b> RangeDecoder<'b> {
 
     fn consume(&mut self, unit: u32, frequencies: Frequencies) {
         // In bytes that no encoder writes, the offset can exceed the range; it then wraps.
-        self.offset = self
-            .offset
-            .wrapping_sub(unit.wrapping_mul(frequencies.start));
+        self.offset = self.offset.wrapping_sub(unit.wrapping_mul(frequencies.start));
         self.range = unit.wrapping_mul(frequencies.count);
         while self.range < LEAST_RANGE {
             self.pull_byte();
@@ -216,10 +188,7 @@ mod tests {
             encoder.put(Frequencies { start, count: 2 }, FREQUENCY_BITS);
         }
         let last = (1 << FREQUENCY_BITS) - 1;
-        let frequencies = Frequencies {
-            start: last,
-            count: 1,
-        };
+        let frequencies = Frequencies { start: last, count: 1 };
         encoder.put(frequencies, FREQUENCY_BITS);
         encoder.finish()
     }
@@ -232,11 +201,7 @@ mod tests {
             assert_eq!(bytes[0], 0x80, "the carry came");
             for kept in 0..length + 2 {
                 let mut short = [0xaa; 40];
-                assert_eq!(
-                    write_one_half(symbols, &mut short[..kept]),
-                    length,
-                    "{kept}"
-                );
+                assert_eq!(write_one_half(symbols, &mut short[..kept]), length, "{kept}");
                 assert!(short[kept..].iter().all(|&byte| byte == 0xaa));
                 let same = kept.min(length);
                 assert_eq!(short[..same], bytes[..same], "{kept}");

@@ -16,9 +16,8 @@ impl Rate {
     pub const MIDDLE: Self = Self(4);
 
     /// The quantiser's step at each rate, in units of a coefficient.
-    const STEPS: [u16; RATES] = [
-        8, 11, 16, 23, 32, 45, 64, 91, 128, 181, 256, 362, 512, 724, 1024, 1448,
-    ];
+    const STEPS: [u16; RATES] =
+        [8, 11, 16, 23, 32, 45, 64, 91, 128, 181, 256, 362, 512, 724, 1024, 1448];
 
     /// `2^34 / step`, rounded up, for each rate: multiplying by it replaces dividing by the step.
     const RECIPROCALS: [u32; RATES] = {
@@ -36,17 +35,12 @@ impl Rate {
     /// Number of levels by which each rate shifts the levels of the mean magnitudes:
     /// `round(ln(2) / 2 / LR * (4 - rate))`, where neighbouring levels have the ratio `exp(LR)`,
     /// `LR = ln(8000) / 55`.
-    const LEVEL_SHIFTS: [i8; RATES] = [
-        8, 6, 4, 2, 0, -2, -4, -6, -8, -11, -13, -15, -17, -19, -21, -23,
-    ];
+    const LEVEL_SHIFTS: [i8; RATES] =
+        [8, 6, 4, 2, 0, -2, -4, -6, -8, -11, -13, -15, -17, -19, -21, -23];
 
     /// Returns the rate with this index, or `None` if it is above 15.
     pub const fn new(index: u8) -> Option<Self> {
-        if (index as usize) < RATES {
-            Some(Self(index))
-        } else {
-            None
-        }
+        if (index as usize) < RATES { Some(Self(index)) } else { None }
     }
 
     /// Returns all rates, finest first.

@@ -69,13 +69,8 @@ impl Frequencies {
     #[inline(always)]
     pub(crate) fn of_magnitude(starts: &[u16; MAGNITUDES], magnitude: usize) -> Self {
         let start = starts[magnitude % MAGNITUDES].into();
-        let end = starts
-            .get(magnitude + 1)
-            .map_or(1 << FREQUENCY_BITS, |&end| end.into());
-        Self {
-            start,
-            count: u32::wrapping_sub(end, start),
-        }
+        let end = starts.get(magnitude + 1).map_or(1 << FREQUENCY_BITS, |&end| end.into());
+        Self { start, count: u32::wrapping_sub(end, start) }
     }
 }
 

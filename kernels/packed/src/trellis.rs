@@ -56,15 +56,8 @@ pub fn quantise(
         let is_zeroed = survivor & 2 != 0;
         let value = lower + (lower ^ i32::from(parity)) % 2;
         #[expect(clippy::cast_possible_truncation, reason = "below 2^17 / 16 + 1")]
-        let value = if is_zeroed {
-            0
-        } else {
-            value.cast_unsigned() as u16
-        };
-        *magnitude = Magnitude {
-            value,
-            is_negative: residual < 0,
-        };
+        let value = if is_zeroed { 0 } else { value.cast_unsigned() as u16 };
+        *magnitude = Magnitude { value, is_negative: residual < 0 };
     }
 }
 
@@ -178,10 +171,7 @@ impl Way {
     #[inline(always)]
     fn better(first: Self, second: Self) -> Self {
         if second.cost < first.cost {
-            Self {
-                survivor: second.survivor | 1,
-                ..second
-            }
+            Self { survivor: second.survivor | 1, ..second }
         } else {
             first
         }
@@ -190,10 +180,8 @@ impl Way {
 
 impl Paths {
     /// The paths before the first coefficient: only state 0 is reached.
-    const START: Self = Self {
-        costs: [0, UNREACHED, UNREACHED, UNREACHED],
-        activities: [Activity::START; STATES],
-    };
+    const START: Self =
+        Self { costs: [0, UNREACHED, UNREACHED, UNREACHED], activities: [Activity::START; STATES] };
 
     /// Extends the paths by a coefficient, whose magnitude `value` is in 1/256 of a step, and
     /// returns which path survived in each state.
@@ -225,10 +213,7 @@ impl Paths {
             let bits = &tables.costs[QUANTISER][context.table_level(activity)];
             candidates.ways(cost, activity, bits)
         });
-        [
-            Way::better(first.even, second.odd),
-            Way::better(first.odd, second.even),
-        ]
+        [Way::better(first.even, second.odd), Way::better(first.odd, second.even)]
     }
 
     /// Returns the state at the end of the cheapest path; the lowest of several with equal cost.

@@ -12,10 +12,7 @@ use proptest::prelude::*;
 /// all magnitudes are nearly equally likely.
 fn tables() -> Tables<'static> {
     static TABLES: LazyLock<(Box<Starts>, Box<Costs>)> = LazyLock::new(geometric);
-    Tables {
-        starts: &TABLES.0,
-        costs: &TABLES.1,
-    }
+    Tables { starts: &TABLES.0, costs: &TABLES.1 }
 }
 
 fn geometric() -> (Box<Starts>, Box<Costs>) {
@@ -139,21 +136,13 @@ fn a_block_of_zeros_has_no_bytes() {
     let rate = Rate::MIDDLE;
     let contexts = contexts(&[10; 192], rate);
     let zeros = [Magnitude::default(); 192];
-    let header = Header {
-        rate,
-        is_reset: false,
-    };
+    let header = Header { rate, is_reset: false };
     let length = packed::write_block(header, rate, &zeros, &contexts, &tables, &mut []);
     assert_eq!(length, 0);
     let reader = BlockReader::new(&[], rate).expect("no bytes are a block");
     assert_eq!(reader.header(), header);
-    let mut read = [Magnitude {
-        value: 7,
-        is_negative: true,
-    }; 192];
-    reader
-        .read_magnitudes(&contexts, &tables, &mut read)
-        .expect("zeros");
+    let mut read = [Magnitude { value: 7, is_negative: true }; 192];
+    reader.read_magnitudes(&contexts, &tables, &mut read).expect("zeros");
     assert_eq!(read, zeros);
 }
 
@@ -165,9 +154,6 @@ fn bytes_behind_a_block_are_refused() {
     let bytes = [1; 60];
     let reader = BlockReader::new(&bytes, rate).expect("a header");
     let mut read = [Magnitude::default(); 16];
-    assert_eq!(
-        reader.read_magnitudes(&contexts, &tables, &mut read),
-        Err(Malformed)
-    );
+    assert_eq!(reader.read_magnitudes(&contexts, &tables, &mut read), Err(Malformed));
     assert_eq!(BlockReader::new(&[1, 0], rate).map(|_| ()), Err(Malformed));
 }

@@ -10,19 +10,10 @@ use artifact::classifier::{
 pub fn any_classifier<'l>(labels: impl IntoIterator<Item = &'l str>) -> Classifier {
     let electrodes: Vec<String> = labels.into_iter().map(str::to_owned).collect();
     let count = electrodes.len();
-    let class = |code, event: &str| Class {
-        code,
-        event: event.to_owned(),
-    };
+    let class = |code, event: &str| Class { code, event: event.to_owned() };
     let filter = |quarter: std::ops::Range<usize>| SpatialFilter {
         weights: (0..count)
-            .map(|electrode| {
-                if quarter.contains(&electrode) {
-                    60
-                } else {
-                    -15
-                }
-            })
+            .map(|electrode| if quarter.contains(&electrode) { 60 } else { -15 })
             .collect(),
         pattern: vec![0.0; count],
     };

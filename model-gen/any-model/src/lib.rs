@@ -68,14 +68,7 @@ pub fn every_variant() -> Vec<(Mode, Padding, [usize; 3])> {
     let mut variants = vec![(Mode::Pca, Padding::None, [2, 2, 2])];
     for padding in [Padding::None, Padding::Space, Padding::All] {
         variants.push((Mode::Paper, padding, [2, 2, 2]));
-        for pool in [
-            [2, 2, 2],
-            [1, 2, 2],
-            [2, 3, 3],
-            [4, 2, 2],
-            [2, 1, 1],
-            [2, 2, 1],
-        ] {
+        for pool in [[2, 2, 2], [1, 2, 2], [2, 3, 3], [4, 2, 2], [2, 1, 1], [2, 2, 1]] {
             // With padding in time, a model may not have pools of four steps: overlapping windows
             // would share too few pools.
             if !(padding.pads_time() && pool[0] == 4) {
@@ -142,9 +135,7 @@ pub fn any_linear_for(seed: u32, model: &Artifact) -> Result<Artifact, ArtifactE
     })?;
     let input = vec![model.largest_input_uv()?];
     linear.calibration.insert("input.max_abs", &[1], input);
-    linear
-        .with_packed(model.packed.clone())?
-        .with_substitution(model.substitution.clone())
+    linear.with_packed(model.packed.clone())?.with_substitution(model.substitution.clone())
 }
 
 /// Returns the model with a random table of substitutions if the seed is odd.
@@ -171,13 +162,7 @@ pub struct Size {
 impl Size {
     /// Returns the size of the autoencoder in the paper, with the given hop.
     pub const fn paper(hop: usize) -> Self {
-        Self {
-            grid: [10, 9],
-            electrodes: 61,
-            steps: 16,
-            hop,
-            numbers: 128,
-        }
+        Self { grid: [10, 9], electrodes: 61, steps: 16, hop, numbers: 128 }
     }
 
     /// Writes this size into a description and names the electrodes E1, E2 and so on.
@@ -196,11 +181,7 @@ impl Size {
                 "_".to_owned()
             }
         };
-        let row = |row: usize| {
-            (0..columns)
-                .map(|column| label(row * columns + column))
-                .collect()
-        };
+        let row = |row: usize| (0..columns).map(|column| label(row * columns + column)).collect();
         description.grid = Grid::new((0..rows).map(row).collect());
         description.montage.electrodes = description.grid.electrodes();
         (description.window.steps, description.window.hop) = (self.steps, self.hop);
@@ -222,10 +203,8 @@ pub fn montages() -> Result<Vec<MontageFile>, MontageFileError> {
         let paths = files.map(|file| file.map(|file| file.path()));
         paths.collect::<Result<Vec<PathBuf>, _>>()
     });
-    let mut paths = files.map_err(|source| MontageFileError::File {
-        path: folder.to_owned(),
-        source,
-    })?;
+    let mut paths =
+        files.map_err(|source| MontageFileError::File { path: folder.to_owned(), source })?;
     paths.sort();
     paths.iter().map(|path| MontageFile::read(path)).collect()
 }
@@ -258,10 +237,7 @@ pub fn any_packed_alone(seed: u32, montage: &MontageFile) -> Result<Artifact, Ar
     description.mode = Mode::Packed;
     description.code.numbers = 0;
     let packed = any_packed(seed, &description);
-    with_any_substitution(
-        seed,
-        Artifact::without_network(description, LARGEST_UV, packed)?,
-    )
+    with_any_substitution(seed, Artifact::without_network(description, LARGEST_UV, packed)?)
 }
 
 /// Writes the grid, the electrodes and the ADC of a montage into a description, and selects the
@@ -321,10 +297,7 @@ fn dense_weights(noise: &mut Noise, mode: Mode, geometry: &Geometry) -> Tensors 
     for (name, shape) in artifact::weight_shapes(mode, geometry) {
         let length = shape.iter().product();
         let inputs: usize = shape[1..].iter().product();
-        #[expect(
-            clippy::cast_precision_loss,
-            reason = "layers have a few thousand inputs"
-        )]
+        #[expect(clippy::cast_precision_loss, reason = "layers have a few thousand inputs")]
         let scale = match name {
             _ if name.ends_with("running_var") => 0.4,
             _ if name.contains("norm") => 1.0,
@@ -351,9 +324,7 @@ fn calibration(artifact: &Artifact, windows: &[Window], traced: &[TracedCode]) -
     let mut calibration = Tensors::for_calibration();
     #[expect(clippy::cast_possible_truncation, reason = "calibration is f32")]
     let sd_uv = artifact.description.input.sd_uv as f32;
-    let inputs = &mut windows
-        .iter()
-        .flat_map(|w| w.iter().map(|x| x.abs() * sd_uv));
+    let inputs = &mut windows.iter().flat_map(|w| w.iter().map(|x| x.abs() * sd_uv));
     calibration.insert("input.max_abs", &[1], largest(inputs));
     if artifact.description.mode.has_convolutions() {
         let first = largest(&mut traced.iter().map(|t| t.activation1_max));

@@ -27,14 +27,10 @@ pub fn any_packed_of(most: usize, seed: u32, description: &Description) -> Packe
     let mut matrix = |outputs: usize, inputs: usize, gain: f64| -> Vec<f64> {
         #[expect(clippy::cast_precision_loss, reason = "a few hundred")]
         let scale = gain / (inputs as f64).sqrt();
-        (0..outputs * inputs)
-            .map(|_| f64::from(noise.next()) * scale)
-            .collect()
+        (0..outputs * inputs).map(|_| f64::from(noise.next()) * scale).collect()
     };
-    let (analysis, prediction) = (
-        matrix(coefficients, values, 1.0),
-        matrix(coefficients, coefficients, 0.1),
-    );
+    let (analysis, prediction) =
+        (matrix(coefficients, values, 1.0), matrix(coefficients, coefficients, 0.1));
     let ends = slice_ends(electrodes, hop);
     PackedModel {
         description: PackedDescription {
@@ -49,9 +45,8 @@ pub fn any_packed_of(most: usize, seed: u32, description: &Description) -> Packe
         },
         analysis: IntegerMatrix::quantised(&analysis, values, 1.0, |row| {
             let starts = [0].into_iter().chain(ends.iter().copied());
-            let slices = starts
-                .zip(&ends)
-                .map(|(start, &end)| scale(&row[start..end], INPUT_LIMIT));
+            let slices =
+                starts.zip(&ends).map(|(start, &end)| scale(&row[start..end], INPUT_LIMIT));
             slices.fold(f64::INFINITY, f64::min)
         }),
         prediction: IntegerMatrix::quantised(&prediction, coefficients, 8.0, |row| {
@@ -73,11 +68,7 @@ pub fn any_packed_of(most: usize, seed: u32, description: &Description) -> Packe
 fn scale(weights: &[f64], limit: i16) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "below 2^24")]
     let most = (SUM_LIMIT / i64::from(limit)) as f64 - 0.5 * weights.len() as f64;
-    most / weights
-        .iter()
-        .map(|weight| weight.abs())
-        .sum::<f64>()
-        .max(1e-9)
+    most / weights.iter().map(|weight| weight.abs()).sum::<f64>().max(1e-9)
 }
 
 /// Returns an arbitrary level for a coefficient, from 20 to 51.

@@ -13,9 +13,7 @@ use crate::Noise;
 pub(crate) fn any_substitution(seed: u32, description: &Description) -> SubstitutionTable {
     let electrodes = description.montage.electrodes.len();
     let mut noise = Noise(!seed);
-    let rows: Vec<Vec<f32>> = (0..electrodes)
-        .map(|_| noise.fill(electrodes, 1.0))
-        .collect();
+    let rows: Vec<Vec<f32>> = (0..electrodes).map(|_| noise.fill(electrodes, 1.0)).collect();
     #[expect(clippy::cast_precision_loss, reason = "at most 64 electrodes")]
     let product = |e: usize, other: usize| {
         let products = rows[e].iter().zip(&rows[other]).map(|(a, b)| a * b);
@@ -34,8 +32,6 @@ pub(crate) fn any_substitution(seed: u32, description: &Description) -> Substitu
             training: SubstitutionTraining::default(),
         },
         weights: weights.map(|(e, other)| weight(e, other)).collect(),
-        innovation: (0..electrodes)
-            .map(|e| LARGEST_INNOVATION >> (e % 27))
-            .collect(),
+        innovation: (0..electrodes).map(|e| LARGEST_INNOVATION >> (e % 27)).collect(),
     }
 }

@@ -67,20 +67,13 @@ impl Source {
             CodeFormat::Int16 => "Int16",
         };
         self.line("/// Integer format of the codes.");
-        self.line(format_args!(
-            "pub const CODE_FORMAT: CodeFormat = CodeFormat::{format};"
-        ));
+        self.line(format_args!("pub const CODE_FORMAT: CodeFormat = CodeFormat::{format};"));
         self.array(
             "Level of a float zero in each dimension: `z = (level - zero point) * scale`.",
             "pub static CODE_ZERO_POINT: [i8; CODE]",
             &model.integers.code_zero_point,
         );
-        let scales: Vec<String> = model
-            .integers
-            .code_scale
-            .iter()
-            .map(|&s| float(s))
-            .collect();
+        let scales: Vec<String> = model.integers.code_scale.iter().map(|&s| float(s)).collect();
         self.list(
             "Scale of each dimension of the code: `z = (level - zero point) * scale`.",
             "pub static CODE_SCALE: [f32; CODE]",
@@ -106,10 +99,9 @@ pub static NETWORK: Network<'static> = Network {
     },",
         );
         let unsigned = UnsignedInput::from_model(&model.integers);
-        for (field, channels) in [
-            ("hidden_padding", unsigned.padding),
-            ("hidden_offset", unsigned.offset),
-        ] {
+        for (field, channels) in
+            [("hidden_padding", unsigned.padding), ("hidden_offset", unsigned.offset)]
+        {
             self.line(format_args!("    {field}: ["));
             self.wrapped(&words(&UnsignedInput::to_pairs(channels)));
             self.line("    ],");
@@ -117,9 +109,8 @@ pub static NETWORK: Network<'static> = Network {
         self.line("    fc: [");
         let pieces = pack::fully_connected(&model.integers);
         for (plane, pieces) in pieces.iter().enumerate() {
-            let matrices: Vec<String> = (0..pieces.len())
-                .map(|piece| format!("&FC_{plane}_{piece}_WEIGHTS"))
-                .collect();
+            let matrices: Vec<String> =
+                (0..pieces.len()).map(|piece| format!("&FC_{plane}_{piece}_WEIGHTS")).collect();
             self.line(format_args!("        [{}],", matrices.join(", ")));
         }
         self.line(
@@ -142,11 +133,7 @@ pub static NETWORK: Network<'static> = Network {
     pub(super) fn weights(&mut self, doc: &str, name: &str, weights: &[Pair]) {
         let values = words(weights);
         let length = separated(weights.len());
-        self.list(
-            doc,
-            &format!("static {name}_WEIGHTS: [Pair; {length}]"),
-            &values,
-        );
+        self.list(doc, &format!("static {name}_WEIGHTS: [Pair; {length}]"), &values);
     }
 }
 

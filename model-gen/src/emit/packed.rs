@@ -41,10 +41,9 @@ use crate::packed::Slice;
             "PACKED_PREDICTION",
             &packed.prediction(),
         );
-        for (name, matrix) in [
-            ("ANALYSIS", &packed.model.analysis),
-            ("PREDICTION", &packed.model.prediction),
-        ] {
+        for (name, matrix) in
+            [("ANALYSIS", &packed.model.analysis), ("PREDICTION", &packed.model.prediction)]
+        {
             self.array(
                 &format!("Factors of the packed {}, Q0.32.", name.to_lowercase()),
                 &format!("static PACKED_{name}_FACTORS: [i32; PACKED_COEFFICIENTS]"),
@@ -52,16 +51,8 @@ use crate::packed::Slice;
             );
         }
         for (name, levels, kind) in [
-            (
-                "PREDICTED",
-                &packed.model.predicted_levels,
-                "predicted blocks",
-            ),
-            (
-                "RESET",
-                &packed.model.reset_levels,
-                "blocks without prediction",
-            ),
+            ("PREDICTED", &packed.model.predicted_levels, "predicted blocks"),
+            ("RESET", &packed.model.reset_levels, "blocks without prediction"),
         ] {
             self.array(
                 &format!("Levels of the mean magnitudes of {kind}."),

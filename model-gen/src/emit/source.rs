@@ -44,9 +44,7 @@ impl Source {
 /// Formats an integer with a digit separator after every three digits, as in `65_536`.
 pub(super) fn separated(value: impl Display) -> String {
     let text = value.to_string();
-    let (sign, digits) = text
-        .strip_prefix('-')
-        .map_or(("", text.as_str()), |rest| ("-", rest));
+    let (sign, digits) = text.strip_prefix('-').map_or(("", text.as_str()), |rest| ("-", rest));
     let mut out = String::from(sign);
     for (index, digit) in digits.chars().enumerate() {
         if index > 0 && (digits.len() - index).is_multiple_of(3) {
@@ -61,9 +59,8 @@ pub(super) fn separated(value: impl Display) -> String {
 /// three.
 pub(super) fn float(value: f32) -> String {
     let text = format!("{value:?}");
-    let (number, exponent) = text
-        .split_once('e')
-        .map_or((text.as_str(), None), |(n, e)| (n, Some(e)));
+    let (number, exponent) =
+        text.split_once('e').map_or((text.as_str(), None), |(n, e)| (n, Some(e)));
     let (whole, fraction) = number.split_once('.').unwrap_or((number, "0"));
     let fraction: Vec<&str> = (0..fraction.len())
         .step_by(3)

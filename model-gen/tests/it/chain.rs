@@ -22,11 +22,7 @@ fn resampler(decimation: Decimation, rate_hz: u32) -> ResamplerTable {
 }
 
 fn chain<'a>(sections: &'a [Section], resampler: &'a ResamplerTable, rate_hz: u32) -> Chain<'a> {
-    Chain {
-        sections,
-        resampler,
-        rate_hz,
-    }
+    Chain { sections, resampler, rate_hz }
 }
 
 #[test]
@@ -38,11 +34,7 @@ fn at_every_rate_the_low_pass_keeps_the_band_and_stops_its_aliases() {
         eprintln!("{rate:>4} Hz {shown:>6.1?}");
         for tenth in 0..=500 {
             let hz = f64::from(tenth) / 10.0;
-            assert!(
-                gain(hz).abs() < 0.1,
-                "{rate} Hz: {} dB at {hz} Hz",
-                gain(hz)
-            );
+            assert!(gain(hz).abs() < 0.1, "{rate} Hz: {} dB at {hz} Hz", gain(hz));
         }
         // The stop band starts at 78 Hz, which aliases onto 50 Hz. The low-pass runs at `phases`
         // times the rate, and its response repeats from half of that rate on.
@@ -63,17 +55,12 @@ fn after_the_settling_time_every_output_stays_below_the_threshold() {
         let chain = chain(&sections, &resampler, rate);
         let settled = chain.settling_samples(1e-4).expect("the response decays");
         let outputs = resampled(&chain, &vec![1.0; 20_000]);
-        let last = outputs
-            .iter()
-            .rfind(|(_, y)| y.abs() >= 1e-4)
-            .expect("the step reaches the output");
+        let last =
+            outputs.iter().rfind(|(_, y)| y.abs() >= 1e-4).expect("the step reaches the output");
         // The last output above the threshold may precede the stated time by up to 40 samples:
         // outputs are about four samples apart, and where the step starts decides which phase
         // settles last.
-        assert!(
-            (settled - 40..settled).contains(&last.0),
-            "{rate} Hz: {last:?}, {settled}"
-        );
+        assert!((settled - 40..settled).contains(&last.0), "{rate} Hz: {last:?}, {settled}");
     }
 }
 
@@ -86,26 +73,15 @@ fn the_worst_input_reaches_the_proven_gain_and_no_more() {
         let proven = chain.worst_gain().expect("the response decays");
         let mut impulse = vec![0.0; 20_000];
         impulse[0] = 1.0;
-        let every_sample = Chain {
-            resampler: &ResamplerTable {
-                down: 1,
-                ..resampler.clone()
-            },
-            ..chain
-        };
-        let worst: Vec<f64> = resampled(&every_sample, &impulse)
-            .iter()
-            .rev()
-            .map(|(_, h)| h.signum())
-            .collect();
+        let every_sample =
+            Chain { resampler: &ResamplerTable { down: 1, ..resampler.clone() }, ..chain };
+        let worst: Vec<f64> =
+            resampled(&every_sample, &impulse).iter().rev().map(|(_, h)| h.signum()).collect();
         let reached = resampled(&every_sample, &worst)
             .iter()
             .fold(0.0, |largest: f64, (_, y)| largest.max(y.abs()));
         eprintln!("{decimation:?}: {reached} of {proven}");
-        assert!(
-            (reached / proven - 1.0).abs() < 1e-6,
-            "{reached} of {proven}"
-        );
+        assert!((reached / proven - 1.0).abs() < 1e-6, "{reached} of {proven}");
         assert!((proven - expected).abs() < 5e-4, "{proven}");
     }
 }

@@ -43,12 +43,8 @@ fn float_code(window: &[i8]) -> Vec<f32> {
 
 #[test]
 fn with_an_exponent_small_signals_have_a_finer_code_and_large_ones_are_not_clipped() {
-    let [int8, exponent, int16] = [
-        CodeFormat::Int8,
-        CodeFormat::Int8Exponent,
-        CodeFormat::Int16,
-    ]
-    .map(model);
+    let [int8, exponent, int16] =
+        [CodeFormat::Int8, CodeFormat::Int8Exponent, CodeFormat::Int16].map(model);
     for (index, window) in windows().iter().enumerate().skip(10) {
         let float = float_code(window);
         let codes = [&int8, &exponent, &int16].map(|model| model.encode_window(window));
@@ -67,10 +63,7 @@ fn with_an_exponent_small_signals_have_a_finer_code_and_large_ones_are_not_clipp
         }
         let at_rails = |values: &[i16]| values.iter().filter(|v| matches!(v, -128 | 127)).count();
         if index >= 25 {
-            assert!(
-                at_rails(&codes[0].values) > 0,
-                "window {index}, large signal"
-            );
+            assert!(at_rails(&codes[0].values) > 0, "window {index}, large signal");
             assert_eq!(at_rails(&codes[1].values), 0, "window {index}");
             assert!(by_exponent < by_int8, "window {index}");
         }
@@ -105,8 +98,5 @@ fn the_smallest_exponent_that_clips_no_value_is_chosen() {
     assert_eq!((encoded(254), encoded(255)), ((1, 127), (2, 64)));
     assert_eq!((encoded(-257), encoded(-258)), ((1, -128), (2, -64)));
     assert_eq!((encoded(32_639), encoded(32_640)), ((8, 127), (8, 127)));
-    assert_eq!(
-        (encoded(i64::from(i32::MAX)), encoded(-(1 << 31))),
-        ((8, 127), (8, -128))
-    );
+    assert_eq!((encoded(i64::from(i32::MAX)), encoded(-(1 << 31))), ((8, 127), (8, -128)));
 }

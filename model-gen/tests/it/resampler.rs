@@ -15,21 +15,18 @@ const RATES: [u32; 6] = [250, 256, 500, 512, 1_000, 1_024];
 /// Iterates over the lines of the golden file: rate in Hz, number of phases, number of taps of all
 /// phases, index of a tap, value of the tap.
 fn golden() -> impl Iterator<Item = (u32, usize, usize, usize, f64)> {
-    GOLDEN
-        .lines()
-        .filter(|line| !line.starts_with('#'))
-        .map(|line| {
-            let mut columns = line.split(',');
-            let mut integer = || -> usize {
-                let column = columns.next().expect("five columns");
-                column.parse().expect("the golden file holds numbers")
-            };
-            let (rate, phases, taps, index) = (integer(), integer(), integer(), integer());
-            let value = columns.next().expect("five columns");
-            let value = value.parse().expect("the golden file holds numbers");
-            let rate = u32::try_from(rate).expect("a rate");
-            (rate, phases, taps, index, value)
-        })
+    GOLDEN.lines().filter(|line| !line.starts_with('#')).map(|line| {
+        let mut columns = line.split(',');
+        let mut integer = || -> usize {
+            let column = columns.next().expect("five columns");
+            column.parse().expect("the golden file holds numbers")
+        };
+        let (rate, phases, taps, index) = (integer(), integer(), integer(), integer());
+        let value = columns.next().expect("five columns");
+        let value = value.parse().expect("the golden file holds numbers");
+        let rate = u32::try_from(rate).expect("a rate");
+        (rate, phases, taps, index, value)
+    })
 }
 
 fn fir(rate_hz: u32) -> Result<ResamplerTable, FilterError> {
@@ -45,10 +42,7 @@ fn the_low_pass_equals_scipy_s_to_1e_12() {
         let high_rate = f64::from(rate) * phases as f64;
         let found = kaiser_low_pass(taps, CUTOFF_HZ, KAISER_BETA, high_rate)[index];
         // The largest measured difference from scipy is 3e-17.
-        assert!(
-            (found - expected).abs() < 1e-12,
-            "tap {index} at {rate} Hz: {found} {expected}"
-        );
+        assert!((found - expected).abs() < 1e-12, "tap {index} at {rate} Hz: {found} {expected}");
     }
     assert!(rates.into_iter().eq(RATES));
 }
@@ -57,17 +51,11 @@ fn the_low_pass_equals_scipy_s_to_1e_12() {
 fn the_quantised_low_pass_has_scipy_s_taps_up_to_the_gain_of_each_phase() {
     for (rate, phases, taps, index, expected) in golden() {
         let table = fir(rate).expect("a usual rate");
-        assert_eq!(
-            (table.phases(), table.phases() * table.taps_per_phase()),
-            (phases, taps)
-        );
+        assert_eq!((table.phases(), table.phases() * table.taps_per_phase()), (phases, taps));
         let found = table.prototype()[index];
         // At 250 Hz, one of the 64 phases has a gain of 1.0002 before normalisation. Normalisation
         // changes the phase's largest tap, 0.5 / 64, by 1.6e-6, the largest measured difference.
-        assert!(
-            (found - expected).abs() < 3e-6,
-            "tap {index} at {rate} Hz: {found} {expected}"
-        );
+        assert!((found - expected).abs() < 3e-6, "tap {index} at {rate} Hz: {found} {expected}");
     }
 }
 
@@ -78,10 +66,7 @@ fn a_constant_passes_every_phase_of_every_rate_unchanged_and_no_sum_overflows() 
         match fir(rate) {
             Ok(table) => {
                 for taps in &table.taps {
-                    assert_eq!(
-                        taps.iter().map(|&t| i64::from(t)).sum::<i64>(),
-                        i64::from(UNITY)
-                    );
+                    assert_eq!(taps.iter().map(|&t| i64::from(t)).sum::<i64>(), i64::from(UNITY));
                 }
                 assert!(usize::from(table.down) >= table.phases());
                 assert!(table.largest_magnitude() < 1 << 31);
@@ -118,23 +103,11 @@ fn literal_decimation_has_a_single_tap_of_one() {
 #[test]
 fn the_error_of_an_impossible_rate_states_number_and_remedy() {
     for (decimation, rate, parts) in [
-        (
-            Decimation::Literal,
-            500,
-            ["500 Hz is not a multiple of 128 Hz", "\"fir\"", "512 Hz"],
-        ),
-        (
-            Decimation::Fir,
-            100,
-            ["100 samples a second", "at least 128", ""],
-        ),
+        (Decimation::Literal, 500, ["500 Hz is not a multiple of 128 Hz", "\"fir\"", "512 Hz"]),
+        (Decimation::Fir, 100, ["100 samples a second", "at least 128", ""]),
         (Decimation::Literal, 0, ["at least 128", "", ""]),
         // A delay line of 61 electrodes x 272 taps x 4 bytes exceeds the limit of 65536 bytes.
-        (
-            Decimation::Fir,
-            2_176,
-            ["66368 B, more than 65536", "61 electrodes", ""],
-        ),
+        (Decimation::Fir, 2_176, ["66368 B, more than 65536", "61 electrodes", ""]),
         (Decimation::Fir, 1_025, ["128 phases of 132 taps", "", ""]),
         // 133 Hz is so close to the step rate of 128 Hz that the taps of a phase hardly decay:
         // their magnitudes sum to 2 or more, which the accumulator does not allow.

@@ -10,35 +10,21 @@ const GOLDEN: &str = include_str!("scipy_response.csv");
 
 /// Iterates over the lines of the golden file: filter specification, frequency in Hz, complex gain.
 fn golden() -> impl Iterator<Item = (FilterSpec, f64, Complex64)> {
-    GOLDEN
-        .lines()
-        .filter(|line| !line.starts_with('#'))
-        .map(|line| {
-            let numbers: Vec<f64> = line
-                .split(',')
-                .map(|n| n.parse().expect("the golden file holds numbers"))
-                .collect();
-            let [rate, mains, _, hz, re, im] = numbers[..] else {
-                panic!("six columns in {line}")
-            };
-            let harmonics = line.split(',').nth(2).expect("six columns");
-            let spec = FilterSpec {
-                harmonics: harmonics.parse().expect("a whole number"),
-                ..spec(rate, mains)
-            };
-            (spec, hz, Complex64::new(re, im))
-        })
+    GOLDEN.lines().filter(|line| !line.starts_with('#')).map(|line| {
+        let numbers: Vec<f64> =
+            line.split(',').map(|n| n.parse().expect("the golden file holds numbers")).collect();
+        let [rate, mains, _, hz, re, im] = numbers[..] else { panic!("six columns in {line}") };
+        let harmonics = line.split(',').nth(2).expect("six columns");
+        let spec = FilterSpec {
+            harmonics: harmonics.parse().expect("a whole number"),
+            ..spec(rate, mains)
+        };
+        (spec, hz, Complex64::new(re, im))
+    })
 }
 
 fn spec(rate_hz: f64, mains_hz: f64) -> FilterSpec {
-    FilterSpec {
-        rate_hz,
-        mains_hz,
-        notch_q: 30.0,
-        harmonics: 0,
-        band_hz: [0.5, 60.0],
-        order: 5,
-    }
+    FilterSpec { rate_hz, mains_hz, notch_q: 30.0, harmonics: 0, band_hz: [0.5, 60.0], order: 5 }
 }
 
 #[test]
@@ -59,10 +45,7 @@ fn the_design_equals_scipy_s_to_1e_9() {
             .product();
         let found = band.gain * zeros / poles * notches;
         // The largest measured difference from scipy is 4e-13.
-        assert!(
-            (found - expected).norm() < 1e-9,
-            "{hz} Hz at {rate} Hz: {found} {expected}"
-        );
+        assert!((found - expected).norm() < 1e-9, "{hz} Hz at {rate} Hz: {found} {expected}");
     }
 }
 
@@ -123,15 +106,9 @@ fn the_error_of_an_unrealisable_specification_states_number_and_reason() {
 #[test]
 fn a_band_that_could_overflow_or_settles_too_slowly_is_refused() {
     let refused = |low: f64, order: usize| {
-        let spec = FilterSpec {
-            band_hz: [low, 60.0],
-            order,
-            ..spec(512.0, 50.0)
-        };
+        let spec = FilterSpec { band_hz: [low, 60.0], order, ..spec(512.0, 50.0) };
         let sections = cascade(&spec).expect("stable sections");
-        headroom::prove_cascade(&sections)
-            .expect_err("no room")
-            .to_string()
+        headroom::prove_cascade(&sections).expect_err("no room").to_string()
     };
     // The worst-case gain of the node `pair of section 4` is 8.45, above the limit of 8. Only the
     // whole response shows this: the L1 norm of its first 40,000 samples is 7.75.

@@ -18,10 +18,7 @@ fn table() -> SubstitutionTable {
         i8::try_from(if is_zero { 0 } else { weight }).expect("8 bits")
     };
     SubstitutionTable {
-        description: SubstitutionDescription {
-            format: 1,
-            ..SubstitutionDescription::default()
-        },
+        description: SubstitutionDescription { format: 1, ..SubstitutionDescription::default() },
         weights: (0..ELECTRODES * ELECTRODES).map(weight).collect(),
         innovation: (0..61).map(|e| 16 * 16 + e).collect(),
     }
@@ -31,11 +28,7 @@ fn table() -> SubstitutionTable {
 fn the_packed_matrix_predicts_each_electrode_from_the_others() {
     let table = table();
     let (inputs, outputs, weights) = (32, 64, &*pack::substitution(&table));
-    let matrix = Linear {
-        inputs,
-        outputs,
-        weights,
-    };
+    let matrix = Linear { inputs, outputs, weights };
     assert!(matrix.is_consistent(inputs, outputs));
     let step: Vec<i16> = (0..61).map(|e| e * e % 256 - 100).collect();
     let mut pairs = [Pair::ZERO; 32];
@@ -84,8 +77,5 @@ fn constants_and_manifest_state_the_table_only_if_there_is_one() {
 substitution          61 electrodes, each from the others, 4340 B
   innovation          1.00 .. 1.11 uV rms
 ";
-    assert!(
-        with.ends_with(lines) && !without.contains("substitution"),
-        "{with}"
-    );
+    assert!(with.ends_with(lines) && !without.contains("substitution"), "{with}");
 }

@@ -160,11 +160,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
                 // Only the comparison after a chip's last range is complete; it overwrites the
                 // earlier, incomplete comparisons.
                 *read_back = ReadBack::new(&settings.image(chip), read_back.read);
-                if part + 1 < PARTS * CHIPS {
-                    Stage::ReadBack(part + 1)
-                } else {
-                    Stage::Done
-                }
+                if part + 1 < PARTS * CHIPS { Stage::ReadBack(part + 1) } else { Stage::Done }
             }
             Stage::Done => Stage::Done,
         };

@@ -38,10 +38,7 @@ pub struct DrdyEdge {
 }
 
 /// DRDY of chip 0, and the monotonic clock that stamps its edges in microseconds.
-#[expect(
-    async_fn_in_trait,
-    reason = "an executor of one priority polls it; it need not be Send"
-)]
+#[expect(async_fn_in_trait, reason = "an executor of one priority polls it; it need not be Send")]
 pub trait Drdy {
     /// Returns the current time, in microseconds, of the clock that stamps the edges.
     fn now_us(&self) -> u64;

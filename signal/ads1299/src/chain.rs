@@ -137,8 +137,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
     ) -> Result<bool, Error> {
         let image = settings.image(chip);
         let mut old = [0];
-        self.read_registers(chip, Register::CONFIG3, &mut old)
-            .await?;
+        self.read_registers(chip, Register::CONFIG3, &mut old).await?;
         let own = &image.0[Register::CONFIG3.index()..=Register::CONFIG3.index()];
         self.write_registers(chip, Register::CONFIG3, own).await?;
         Ok(old[0] & 0x80 != 0)

@@ -67,11 +67,7 @@ impl SquareWaveTest {
         }
         if self.held == GUARD {
             let oldest = self.recent[0];
-            let level = if oldest < 0 {
-                &mut self.low
-            } else {
-                &mut self.high
-            };
+            let level = if oldest < 0 { &mut self.low } else { &mut self.high };
             level.add(oldest);
         } else {
             self.held += 1;
@@ -81,10 +77,7 @@ impl SquareWaveTest {
     }
 
     /// Returns gain error, offset and noise, computed from all samples so far.
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "results in f32 for the wire"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "results in f32 for the wire")]
     pub fn result(&self) -> ChannelResult {
         let lsb = self.gain.lsb_uv();
         let (low, high) = (self.low.mean(), self.high.mean());
@@ -125,10 +118,7 @@ pub struct ShortedTest {
 impl ShortedTest {
     /// Creates a test without samples.
     pub const fn new(gain: Gain) -> Self {
-        Self {
-            gain,
-            statistics: Statistics::around(0),
-        }
+        Self { gain, statistics: Statistics::around(0) }
     }
 
     /// Adds a sample, in ADC counts, |count| <= 2^23.
@@ -137,10 +127,7 @@ impl ShortedTest {
     }
 
     /// Returns offset and noise, computed from all samples so far.
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "results in f32 for the wire"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "results in f32 for the wire")]
     pub fn result(&self) -> ChannelResult {
         let lsb = self.gain.lsb_uv();
         let samples = self.statistics.number();
@@ -169,12 +156,7 @@ impl Statistics {
 
     /// Creates empty sums; `reference` should be near the mean.
     pub(crate) const fn around(reference: i32) -> Self {
-        Self {
-            reference,
-            number: 0,
-            sum: 0,
-            squares: 0,
-        }
+        Self { reference, number: 0, sum: 0, squares: 0 }
     }
 
     /// Adds a sample, in counts, |count| <= 2^23.

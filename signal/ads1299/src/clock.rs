@@ -17,10 +17,7 @@ impl Clock {
 
     /// Oscillator inside a chip (CLKSEL high), 2.048 MHz within 2.5 % from -40 to 85 degC, and 0.5 %
     /// at 25 degC (data sheet section 7.5).
-    pub const INTERNAL: Self = Self {
-        hz: 2_048_000,
-        tolerance_ppm: 25_000,
-    };
+    pub const INTERNAL: Self = Self { hz: 2_048_000, tolerance_ppm: 25_000 };
 
     /// Slowest clock that the data sheet permits: a period of 666 ns (section 7.6). The driver
     /// computes its delays for this clock, so they are long enough for any permitted clock. A chain

@@ -74,12 +74,7 @@ impl<const CHIPS: usize> Decoder<CHIPS> {
     /// Creates a decoder without an alignment. It compiles only for 1 to 8 chips.
     pub const fn new() -> Self {
         const { assert!(CHIPS >= 1 && CHIPS <= MAX_CHIPS, "1 to 8 chips") };
-        Self {
-            alignment: None,
-            against: 0,
-            last: [Part::NEVER_SENT; CHIPS],
-            repeats: [0; CHIPS],
-        }
+        Self { alignment: None, against: 0, last: [Part::NEVER_SENT; CHIPS], repeats: [0; CHIPS] }
     }
 
     /// Returns the alignment; `None` until a frame has a valid chip after chip 0.
@@ -104,12 +99,8 @@ impl<const CHIPS: usize> Decoder<CHIPS> {
     ) -> FrameStatus<CHIPS> {
         const { assert!(BYTES == frame_bytes(CHIPS), "27 bytes per chip, and one") };
         let alignment = self.align(frame);
-        let mut status = FrameStatus {
-            alignment,
-            words: [StatusWord(0); CHIPS],
-            bad: 0,
-            repeated: 0,
-        };
+        let mut status =
+            FrameStatus { alignment, words: [StatusWord(0); CHIPS], bad: 0, repeated: 0 };
         let mut bits = [0_u32; 2];
         let places = counts.iter_mut().zip(&mut self.last).zip(&mut self.repeats);
         for ((chip, span), ((counts, last), repeats)) in (0..).zip(spans(frame)).zip(places) {
@@ -146,11 +137,7 @@ impl<const CHIPS: usize> Decoder<CHIPS> {
         }
         let [packed, spaced] = fits;
         let Some(locked) = self.alignment else {
-            let best = if spaced > packed {
-                Alignment::Spaced
-            } else {
-                Alignment::Packed
-            };
+            let best = if spaced > packed { Alignment::Spaced } else { Alignment::Packed };
             self.alignment = (packed != spaced).then_some(best);
             return best;
         };
@@ -182,10 +169,7 @@ struct Part {
 impl Part {
     /// Initial value of `Decoder::last`, before the first frame. It equals no chip's data, because
     /// a status word has only 24 bits.
-    const NEVER_SENT: Self = Self {
-        word: StatusWord(u32::MAX),
-        counts: [0; CHANNELS],
-    };
+    const NEVER_SENT: Self = Self { word: StatusWord(u32::MAX), counts: [0; CHANNELS] };
 
     /// Extracts status word and counts from a chip's bytes; `shift` is the start bit in the first
     /// byte, at most 7.
@@ -226,12 +210,7 @@ fn status_word(span: &[u8; SPAN], shift: u32) -> StatusWord {
 #[inline]
 fn word(span: &[u8; SPAN], n: usize, shift: u32) -> i32 {
     // Four bytes hold the 24 bits for any start bit in the first byte.
-    let bytes = [
-        span[3 * n],
-        span[3 * n + 1],
-        span[3 * n + 2],
-        span[3 * n + 3],
-    ];
+    let bytes = [span[3 * n], span[3 * n + 1], span[3 * n + 2], span[3 * n + 3]];
     (u32::from_be_bytes(bytes) << shift).cast_signed() >> 8
 }
 

@@ -120,12 +120,7 @@ impl fmt::Display for Error {
                     crate::register::ID
                 )
             }
-            Self::NotKept {
-                chip,
-                register,
-                wrote,
-                read,
-            } => write!(
+            Self::NotKept { chip, register, wrote, read } => write!(
                 formatter,
                 "{register} of ADS1299 {chip} holds 0x{read:02X}, and 0x{wrote:02X} was written: \
                  the bus drops bits or the chip was reset in between; try a slower SCLK, and look at \

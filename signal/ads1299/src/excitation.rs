@@ -39,19 +39,14 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
     async fn write_excitation_registers(&mut self, settings: Settings) -> Result<(), Error> {
         let first = settings.image(0).0;
         for register in [Register::LOFF, Register::LOFF_SENSP] {
-            let bytes = [
-                opcode::WREG | register.address(),
-                0,
-                first[register.index()],
-            ];
+            let bytes = [opcode::WREG | register.address(), 0, first[register.index()]];
             self.send_all(&bytes, settings).await?;
         }
         // Chips with spare channels need their own value of LOFF_SENSP.
         for chip in 1..CHIPS {
             let mask = settings.image(chip).0[Register::LOFF_SENSP.index()];
             if mask != first[Register::LOFF_SENSP.index()] {
-                self.write_registers(chip, Register::LOFF_SENSP, &[mask])
-                    .await?;
+                self.write_registers(chip, Register::LOFF_SENSP, &[mask]).await?;
             }
         }
         Ok(())
@@ -74,15 +69,9 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     /// Call it between two samples, with enough time before the next sample for all
     /// [`Settings::excitation_bytes`].
     pub async fn set_excitation(&mut self, channels: u8) -> Result<(), Error> {
-        let settings = Settings {
-            excited: channels,
-            ..self.settings
-        };
-        let written = if self.is_running() {
-            self.chain.write_excitation(settings).await
-        } else {
-            Ok(())
-        };
+        let settings = Settings { excited: channels, ..self.settings };
+        let written =
+            if self.is_running() { self.chain.write_excitation(settings).await } else { Ok(()) };
         self.settings = settings;
         if written.is_err() {
             self.settings.excited = u8::MAX;

@@ -22,10 +22,7 @@ impl Settings {
         // In CONFIG1, bit 7 is always 1, and bits 4:3 are always 10. Bit 6 is 0 for the daisy chain
         // and 1 for chips that are read one by one.
         let is_cascaded = self.wiring == Wiring::Cascaded;
-        set(
-            Register::CONFIG1,
-            0x90 | u8::from(is_cascaded) << 6 | self.rate as u8,
-        );
+        set(Register::CONFIG1, 0x90 | u8::from(is_cascaded) << 6 | self.rate as u8);
         // Bits 7:5 of CONFIG2 are always 110. Bit 4 switches the internal test signal on; bits 2:0
         // are 0 for its amplitude and frequency.
         set(Register::CONFIG2, 0xC0 | u8::from(!is_eeg) << 4);
@@ -76,11 +73,8 @@ pub struct ReadBack {
 
 impl ReadBack {
     /// Value before the first read: all registers 0, and an ID that does not fit.
-    pub(crate) const NONE: Self = Self {
-        read: Image([0; Register::COUNT]),
-        differing: 0,
-        id_fits: false,
-    };
+    pub(crate) const NONE: Self =
+        Self { read: Image([0; Register::COUNT]), differing: 0, id_fits: false };
 
     /// Compares `read` with `written`, except for bits that a chip does not return as written.
     pub fn new(written: &Image, read: Image) -> Self {
@@ -89,11 +83,7 @@ impl ReadBack {
             .enumerate()
             .filter(|(_, (mask, (wrote, read)))| (*wrote ^ *read) & **mask != 0)
             .fold(0, |bits, (address, _)| bits | 1 << address);
-        Self {
-            read,
-            differing,
-            id_fits: read.0[0] & ID_MASK == ID & ID_MASK,
-        }
+        Self { read, differing, id_fits: read.0[0] & ID_MASK == ID & ID_MASK }
     }
 
     /// Checks that the chip is an eight-channel ADS1299 that kept all values. `chip` is the index
@@ -138,10 +128,7 @@ mod tests {
         assert_eq!(image, expected);
         let second = Settings::EEG.image(1).0;
         assert_eq!(second[Register::CONFIG3.index()], 0xE0, "one bias drive");
-        let cascaded = Settings {
-            wiring: Wiring::Cascaded,
-            ..Settings::EEG
-        };
+        let cascaded = Settings { wiring: Wiring::Cascaded, ..Settings::EEG };
         assert_eq!(cascaded.image(0).0[Register::CONFIG1.index()], 0xD5);
     }
 
@@ -159,11 +146,7 @@ mod tests {
             (Input::Shorted, [0xD0, 0x61, 0, 0, 2]),
             (Input::TestSignal, [0xD0, 0x65, 0, 0, 2]),
         ] {
-            let settings = Settings {
-                input,
-                lead_off: true,
-                ..Settings::EEG
-            };
+            let settings = Settings { input, lead_off: true, ..Settings::EEG };
             let image = settings.image(1).0;
             let found = registers.map(|register| image[register.index()]);
             assert_eq!(found, expected, "{input:?}");
@@ -174,12 +157,7 @@ mod tests {
     fn excitation_replaces_the_direct_current_and_spares_channels_without_an_electrode() {
         let registers = [Register::LOFF, Register::LOFF_SENSP];
         let found = |input, chip| {
-            let settings = Settings {
-                input,
-                lead_off: true,
-                excited: 13,
-                ..Settings::EEG
-            };
+            let settings = Settings { input, lead_off: true, excited: 13, ..Settings::EEG };
             registers.map(|register| settings.image(chip).0[register.index()])
         };
         assert_eq!(found(Input::Electrodes, 0), [3, 0xFF]);

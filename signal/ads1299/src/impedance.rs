@@ -89,14 +89,7 @@ impl<const N: usize> ImpedanceMeter<N> {
         let volts = settings.gain.lsb_uv() * 1e-6 / samples as f64;
         #[expect(clippy::cast_possible_truncation, reason = "24 bits suffice")]
         let scale = (volts / (AMPERES * FUNDAMENTAL)) as f32;
-        Self {
-            age: 0,
-            samples,
-            scale,
-            newest: [[0; N]; 2],
-            sums: [[0; N]; 2],
-            at_rail: [false; N],
-        }
+        Self { age: 0, samples, scale, newest: [[0; N]; 2], sums: [[0; N]; 2], at_rail: [false; N] }
     }
 
     /// Restarts the measurement. Call this at a sample without excitation and at missing samples.
@@ -120,11 +113,7 @@ impl<const N: usize> ImpedanceMeter<N> {
         let sums = self.sums[parity].iter_mut().zip(&mut self.at_rail);
         let channels = self.newest[parity].iter_mut().zip(sums);
         for ((newest, (sum, at_rail)), &count) in channels.zip(counts) {
-            let difference = if is_second {
-                *newest - count
-            } else {
-                count - *newest
-            };
+            let difference = if is_second { *newest - count } else { count - *newest };
             *newest = count;
             if is_measured {
                 *sum = sum.saturating_add(difference);

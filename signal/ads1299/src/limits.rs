@@ -72,28 +72,19 @@ pub const fn typical_noise_uv(gain: Gain, rate: Rate) -> f32 {
 /// Checks that there are enough samples for a valid result.
 pub(crate) fn check_samples(measured: u32) -> Result<(), SelfTestFault> {
     let limit = SAMPLES;
-    within(
-        measured >= limit,
-        SelfTestFault::Samples { measured, limit },
-    )
+    within(measured >= limit, SelfTestFault::Samples { measured, limit })
 }
 
 /// Checks a gain error, a fraction, against [`GAIN_ERROR`].
 pub(crate) fn check_gain(measured: f32) -> Result<(), SelfTestFault> {
     let limit = GAIN_ERROR;
-    within(
-        measured.abs() <= limit,
-        SelfTestFault::Gain { measured, limit },
-    )
+    within(measured.abs() <= limit, SelfTestFault::Gain { measured, limit })
 }
 
 /// Checks an offset, in microvolts at the input, against [`OFFSET_UV`].
 pub(crate) fn check_offset(measured: f32) -> Result<(), SelfTestFault> {
     let limit = OFFSET_UV;
-    within(
-        measured.abs() <= limit,
-        SelfTestFault::Offset { measured, limit },
-    )
+    within(measured.abs() <= limit, SelfTestFault::Offset { measured, limit })
 }
 
 /// Checks a channel's noise, in microvolts rms at the input: it must be half to twice
@@ -185,9 +176,7 @@ mod tests {
 
     #[test]
     fn a_number_looks_as_the_standard_library_shows_it() {
-        for value in [
-            0.0, 0.04, 0.05, 0.27, -0.04, -0.06, -1.0, 9.96, 59.94, -312.5, 187_500.0,
-        ] {
+        for value in [0.0, 0.04, 0.05, 0.27, -0.04, -0.06, -1.0, 9.96, 59.94, -312.5, 187_500.0] {
             assert_eq!(format!("{}", Decimal(value, 3)), format!("{value:.3}"));
         }
         assert_eq!(format!("{}", Decimal(-100.0, 2)), "-100.00");

@@ -41,9 +41,7 @@ impl<const CHIPS: usize> Reading<CHIPS> {
 
     /// Returns whether an electrode is disconnected at any chip; bad chips are ignored.
     pub fn lead_off(&self) -> bool {
-        (0..CHIPS).fold(0, |off, chip| {
-            off | self.off_positive(chip) | self.off_negative(chip)
-        }) != 0
+        (0..CHIPS).fold(0, |off, chip| off | self.off_positive(chip) | self.off_negative(chip)) != 0
     }
 
     fn sound_word(&self, chip: usize) -> Option<StatusWord> {

@@ -68,16 +68,7 @@ impl RateError {
 impl ReadyMeter {
     /// Creates a meter for the DRDY of `chip`, which is 0 on a board that wires only one DRDY.
     pub const fn new(chip: u8, clock: Clock, rate: Rate) -> Self {
-        Self {
-            chip,
-            clock,
-            rate,
-            first_us: None,
-            last_us: 0,
-            periods: 0,
-            early: 0,
-            missed: 0,
-        }
+        Self { chip, clock, rate, first_us: None, last_us: 0, periods: 0, early: 0, missed: 0 }
     }
 
     /// Records an edge at `time_us`, which must not decrease.
@@ -155,13 +146,7 @@ impl ReadyMeter {
         if self.early | self.missed == 0 && off * 1_000_000 <= allowed * u64::from(expected) {
             return Ok(measured);
         }
-        Err(RateError::Off {
-            chip,
-            measured,
-            expected,
-            early: self.early,
-            missed: self.missed,
-        })
+        Err(RateError::Off { chip, measured, expected, early: self.early, missed: self.missed })
     }
 }
 
@@ -175,13 +160,9 @@ impl fmt::Display for RateError {
                      START and CLK"
                 );
             }
-            Self::Off {
-                chip,
-                measured,
-                expected,
-                early,
-                missed,
-            } => (chip, measured, expected, early, missed),
+            Self::Off { chip, measured, expected, early, missed } => {
+                (chip, measured, expected, early, missed)
+            }
         };
         write!(
             formatter,
@@ -208,10 +189,7 @@ impl fmt::Display for RateError {
             );
         }
         if early > 0 {
-            return write!(
-                formatter,
-                ", {early} edges come too early: look for noise on DRDY"
-            );
+            return write!(formatter, ", {early} edges come too early: look for noise on DRDY");
         }
         formatter.write_str(": the clock is not the one that is set; check the quartz and CLKSEL")
     }
@@ -249,13 +227,7 @@ pub(crate) struct RateWatch {
 
 impl RateWatch {
     pub(crate) const fn new(clock: Clock, rate: Rate) -> Self {
-        Self {
-            clock,
-            rate,
-            meter: ReadyMeter::new(0, clock, rate),
-            off: None,
-            measured: None,
-        }
+        Self { clock, rate, meter: ReadyMeter::new(0, clock, rate), off: None, measured: None }
     }
 
     pub(crate) const fn millihertz(&self) -> Option<u32> {

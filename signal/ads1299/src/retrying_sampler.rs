@@ -142,13 +142,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
             return;
         }
         let periods = if self.is_silent { 0 } else { SILENCE - 1 };
-        let next_us = self
-            .due_us
-            .saturating_sub(u64::from(periods) * self.period_us());
-        let settings = Settings {
-            excited: channels,
-            ..self.sampler.settings()
-        };
+        let next_us = self.due_us.saturating_sub(u64::from(periods) * self.period_us());
+        let settings = Settings { excited: channels, ..self.sampler.settings() };
         let switch_us = BYTE_US * settings.excitation_bytes(CHIPS) as u64;
         if drdy.now_us() + switch_us <= next_us {
             // After a failure of the bus, the next call tries again.
@@ -168,10 +163,9 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
             self.due_us -= u64::from(SILENCE - 1) * self.period_us();
             self.is_silent = true;
         }
-        let attempt = self.attempt.get_or_insert(Attempt {
-            bring_up: BringUp::from_power(COLD_US),
-            next_us: now_us,
-        });
+        let attempt = self
+            .attempt
+            .get_or_insert(Attempt { bring_up: BringUp::from_power(COLD_US), next_us: now_us });
         if now_us < attempt.next_us {
             return;
         }

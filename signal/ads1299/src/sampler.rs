@@ -61,10 +61,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
             watch: RateWatch::new(settings.clock, settings.rate),
             is_running: false,
             unfit: Reading::<CHIPS>::ALL,
-            counters: SamplerCounters {
-                errors: [0; CHIPS],
-                missed: 0,
-            },
+            counters: SamplerCounters { errors: [0; CHIPS], missed: 0 },
             last: None,
         }
     }
@@ -185,12 +182,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     /// [`Decoder::decode`] follows. No allocation, no panic.
     pub async fn read(&mut self, edge_us: u64) -> Reading<CHIPS> {
         let (missed, rate) = self.watch.edge(edge_us);
-        let mut reading = Reading {
-            status: None,
-            bad: Reading::<CHIPS>::ALL,
-            missed,
-            rate,
-        };
+        let mut reading = Reading { status: None, bad: Reading::<CHIPS>::ALL, missed, rate };
         let wiring = self.settings.wiring;
         if self.is_running && self.chain.read_frame(&mut self.frame, wiring).await.is_ok() {
             let status = self.decoder.decode(&self.frame, &mut self.decoded);
@@ -212,12 +204,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     /// reported: three ([`SILENCE`] less one) in the first call, then 0.
     pub fn silence(&mut self, missed: u32) -> Reading<CHIPS> {
         self.watch.restart();
-        let reading = Reading {
-            status: None,
-            bad: Reading::<CHIPS>::ALL,
-            missed,
-            rate: None,
-        };
+        let reading = Reading { status: None, bad: Reading::<CHIPS>::ALL, missed, rate: None };
         self.count(&reading);
         reading
     }

@@ -172,8 +172,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
             fault: checked.err(),
         };
         streamed?;
-        self.stream(test, (drdy, progress), (Input::Shorted, SHORTED), |_| ())
-            .await
+        self.stream(test, (drdy, progress), (Input::Shorted, SHORTED), |_| ()).await
     }
 
     /// Sets all channels to `input` and measures `samples` samples of each. Calls `edge` with the
@@ -185,10 +184,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         (input, samples): (Input, u32),
         mut edge: impl FnMut(u64),
     ) -> Result<(), Error> {
-        let settings = Settings {
-            input,
-            ..self.settings
-        };
+        let settings = Settings { input, ..self.settings };
         let read_backs = self.chain.set_up(settings, progress).await?;
         test.record_registers(&read_backs, settings);
         for measurement in test.measurements.as_flattened_mut() {
@@ -207,9 +203,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
             // The error names chip 0, whose DRDY is wired.
             let found = drdy.next_until(end_us).await;
             edge(found.ok_or(Error::NeverReady { chip: 0, waited_us })?.us);
-            self.chain
-                .read_frame(&mut self.frame, settings.wiring)
-                .await?;
+            self.chain.read_frame(&mut self.frame, settings.wiring).await?;
             let status = self.decoder.decode(&self.frame, &mut self.decoded);
             let bad = status.bad | status.repeated;
             let chips = test.report.chips.iter_mut().zip(&mut test.measurements);

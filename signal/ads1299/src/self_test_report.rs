@@ -99,12 +99,7 @@ pub enum Finding {
 impl<const CHIPS: usize> SelfTestReport<CHIPS> {
     /// Report of a test that has not run.
     pub const EMPTY: Self = Self {
-        chips: [ChipReport {
-            id: 0,
-            differing: 0,
-            fault: None,
-            bad_frames: 0,
-        }; CHIPS],
+        chips: [ChipReport { id: 0, differing: 0, fault: None, bad_frames: 0 }; CHIPS],
         channels: [[ChannelReport {
             gain_error: 0.0,
             offset_uv: 0.0,
@@ -112,13 +107,7 @@ impl<const CHIPS: usize> SelfTestReport<CHIPS> {
             shorted_noise_uv: 0.0,
             fault: None,
         }; CHANNELS]; CHIPS],
-        ready: ReadyReport {
-            expected: 0,
-            measured: 0,
-            early: 0,
-            missed: 0,
-            fault: None,
-        },
+        ready: ReadyReport { expected: 0, measured: 0, early: 0, missed: 0, fault: None },
         stopped: None,
         not_restored: None,
     };
@@ -184,20 +173,11 @@ impl fmt::Display for Finding {
                 "{bad} frames of ADS1299 {chip} were damaged or repeated themselves; check its \
                  supplies, CLK, DOUT and DAISY_IN, and try a slower SCLK"
             ),
-            Self::Channel {
-                chip,
-                channel,
-                fault,
-            } => write!(
-                formatter,
-                "channel {} of ADS1299 {chip}: {fault}",
-                channel + 1
-            ),
+            Self::Channel { chip, channel, fault } => {
+                write!(formatter, "channel {} of ADS1299 {chip}: {fault}", channel + 1)
+            }
             Self::NotRestored(error) => {
-                write!(
-                    formatter,
-                    "after the test the chain was not set up again: {error}"
-                )
+                write!(formatter, "after the test the chain was not set up again: {error}")
             }
         }
     }

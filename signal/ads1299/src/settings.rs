@@ -114,15 +114,8 @@ pub enum Gain {
 
 impl Gain {
     /// Every gain, in ascending order.
-    pub const ALL: [Self; 7] = [
-        Self::X1,
-        Self::X2,
-        Self::X4,
-        Self::X6,
-        Self::X8,
-        Self::X12,
-        Self::X24,
-    ];
+    pub const ALL: [Self; 7] =
+        [Self::X1, Self::X2, Self::X4, Self::X6, Self::X8, Self::X12, Self::X24];
 
     /// Returns the gain with this factor; `None` for a factor that the amplifier lacks.
     pub const fn of_factor(factor: u32) -> Option<Self> {

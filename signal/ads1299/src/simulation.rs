@@ -190,8 +190,6 @@ impl<const CHIPS: usize> SharedBoard<CHIPS> {
 
 impl<const CHIPS: usize> core::fmt::Debug for SharedBoard<CHIPS> {
     fn fmt(&self, formatter: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        formatter
-            .debug_struct("SharedBoard")
-            .finish_non_exhaustive()
+        formatter.debug_struct("SharedBoard").finish_non_exhaustive()
     }
 }

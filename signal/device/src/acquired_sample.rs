@@ -43,10 +43,7 @@ impl AcquiredSample {
         let (adc_hz, step_hz) = (u64::from(ADC_RATE_HZ), u64::from(STEP_RATE_HZ));
         let since_start_us = |count: u64, hz: u64| count * 1_000_000 / hz;
         let at_us = self.drdy_us + since_start_us(step, step_hz);
-        (
-            step * adc_hz / step_hz,
-            at_us.saturating_sub(since_start_us(self.index, adc_hz)),
-        )
+        (step * adc_hz / step_hz, at_us.saturating_sub(since_start_us(self.index, adc_hz)))
     }
 }
 
@@ -65,10 +62,7 @@ pub struct Counts {
 }
 
 /// Faults of a sample or a window that [`pipeline::Acquisition`] does not detect.
-#[expect(
-    clippy::struct_excessive_bools,
-    reason = "each of them can be true with any other"
-)]
+#[expect(clippy::struct_excessive_bools, reason = "each of them can be true with any other")]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Marks {
     /// A status word of the ADC chain was wrong.
@@ -83,12 +77,8 @@ pub struct Marks {
 
 impl Marks {
     /// Marks of a sample without faults.
-    pub const NONE: Self = Self {
-        adc_status_bad: false,
-        lead_off: false,
-        overrun: false,
-        substituted: false,
-    };
+    pub const NONE: Self =
+        Self { adc_status_bad: false, lead_off: false, overrun: false, substituted: false };
 
     /// Returns the faults that at least one of the two operands has.
     #[must_use]
@@ -125,10 +115,7 @@ pub(crate) struct WindowMarks {
 }
 
 impl WindowMarks {
-    pub(crate) const NONE: Self = Self {
-        steps: 0,
-        hops: [Marks::NONE; STEPS.div_ceil(HOP)],
-    };
+    pub(crate) const NONE: Self = Self { steps: 0, hops: [Marks::NONE; STEPS.div_ceil(HOP)] };
 
     /// Adds faults to the step that is not yet complete.
     pub(crate) fn mark(&mut self, marks: Marks) {
@@ -173,10 +160,7 @@ mod tests {
 
     use super::*;
 
-    const OVERRUN: Marks = Marks {
-        overrun: true,
-        ..Marks::NONE
-    };
+    const OVERRUN: Marks = Marks { overrun: true, ..Marks::NONE };
 
     #[test]
     fn exactly_the_windows_that_contain_a_marked_step_are_marked() {

@@ -23,10 +23,7 @@ pub struct Identity<'i> {
 }
 
 /// Commands and streams that a board supports; the session refuses all others.
-#[expect(
-    clippy::struct_excessive_bools,
-    reason = "each of them can be true with any other"
-)]
+#[expect(clippy::struct_excessive_bools, reason = "each of them can be true with any other")]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Abilities {
     /// Streams that a `Start` can request.
@@ -67,11 +64,7 @@ pub struct Run {
 
 impl Run {
     /// Value before the first start: run 0 without streams.
-    pub const NONE: Self = Self {
-        number: 0,
-        mains: Mains::Hz50,
-        streams: Streams::empty(),
-    };
+    pub const NONE: Self = Self { number: 0, mains: Mains::Hz50, streams: Streams::empty() };
 }
 
 /// Action that a command from the host requires of the board.

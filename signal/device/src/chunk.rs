@@ -18,9 +18,8 @@ const FRACTION_BITS: u8 = 5;
 const KEYS_PER_SECOND: usize = 4;
 
 #[expect(clippy::cast_possible_truncation, reason = "at most 2^16 / 32")]
-const ENCODER: Encoder = Encoder {
-    key_blocks: (ADC_RATE_HZ as usize / (KEYS_PER_SECOND * RAW_SAMPLES)) as u16,
-};
+const ENCODER: Encoder =
+    Encoder { key_blocks: (ADC_RATE_HZ as usize / (KEYS_PER_SECOND * RAW_SAMPLES)) as u16 };
 
 const _: () = assert!(RAW_SAMPLES == lossless::MAX_SAMPLES && ENCODER.key_blocks > 0);
 
@@ -45,13 +44,8 @@ pub type FilteredChunk = Chunk<{ ELECTRODES * VALUE_BYTES }, FILTERED_STEPS>;
 
 impl<const BYTES: usize, const MAX: usize> Chunk<BYTES, MAX> {
     /// Chunk without items, all zeros.
-    pub const EMPTY: Self = Self {
-        first: 0,
-        length: 0,
-        flags: Flags::empty(),
-        last_us: 0,
-        items: [[0; BYTES]; MAX],
-    };
+    pub const EMPTY: Self =
+        Self { first: 0, length: 0, flags: Flags::empty(), last_us: 0, items: [[0; BYTES]; MAX] };
 
     pub(crate) const fn is_full(&self) -> bool {
         self.length == MAX
@@ -208,11 +202,7 @@ impl Compressor {
     /// Creates a compressor before its first chunk. This is a function because a constant would put
     /// the chunk's zeros into flash.
     pub(crate) const fn new() -> Self {
-        Self {
-            state: EncoderState::NEW,
-            next: 0,
-            chunk: CompressedChunk::EMPTY,
-        }
+        Self { state: EncoderState::NEW, next: 0, chunk: CompressedChunk::EMPTY }
     }
 
     /// Starts a run; its first block is a key block.

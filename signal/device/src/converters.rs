@@ -44,17 +44,13 @@ pub fn self_test_message<const CHIPS: usize>(report: &SelfTestReport<CHIPS>) -> 
         first_wrong: chip.first_differing().map_or(0, ads1299::Register::address),
         frames_bad: chip.bad_frames,
     });
-    let channels = report
-        .channels
-        .as_flattened()
-        .iter()
-        .map(|channel| ChannelTest {
-            gain_error: channel.gain_error,
-            offset_uv: channel.offset_uv,
-            noise_uv: channel.noise_uv,
-            shorted_noise_uv: channel.shorted_noise_uv,
-            fault: channel_fault(channel.fault),
-        });
+    let channels = report.channels.as_flattened().iter().map(|channel| ChannelTest {
+        gain_error: channel.gain_error,
+        offset_uv: channel.offset_uv,
+        noise_uv: channel.noise_uv,
+        shorted_noise_uv: channel.shorted_noise_uv,
+        fault: channel_fault(channel.fault),
+    });
     SelfTest {
         fault: report.check().err().map(fault_text).unwrap_or_default(),
         drdy_millihertz: report.ready.measured,
@@ -91,16 +87,8 @@ pub const CONVERTER_SETTINGS: Settings = {
     }
     .expect("reading the artifact has refused a rate that the converters lack");
     Settings {
-        wiring: if model::IS_CASCADED {
-            Wiring::Cascaded
-        } else {
-            Wiring::Daisy
-        },
-        control: if model::HAS_COMMANDS_ONLY {
-            Control::Commands
-        } else {
-            Control::Pins
-        },
+        wiring: if model::IS_CASCADED { Wiring::Cascaded } else { Wiring::Daisy },
+        control: if model::HAS_COMMANDS_ONLY { Control::Commands } else { Control::Pins },
         ..Settings::eeg(clock, rate, GAIN)
     }
 };
@@ -159,20 +147,13 @@ mod tests {
         let mut report = SelfTestReport::<2>::EMPTY;
         report.chips[1].id = 0x3e;
         report.channels[1][3].gain_error = -1.0;
-        report.channels[1][3].fault = Some(SelfTestFault::Gain {
-            measured: -1.0,
-            limit: 0.03,
-        });
+        report.channels[1][3].fault = Some(SelfTestFault::Gain { measured: -1.0, limit: 0.03 });
         report.ready.measured = 511_990;
         let wire = self_test_message(&report);
         assert_eq!((wire.chips.len(), wire.channels.len()), (2, 16));
         assert_eq!((wire.chips[1].id, wire.drdy_millihertz), (0x3e, 511_990));
         assert_eq!(wire.channels[11].fault, ChannelFault::Gain);
-        assert!(
-            wire.fault.contains("ADS1299 1") && wire.fault.contains("gain"),
-            "{}",
-            wire.fault
-        );
+        assert!(wire.fault.contains("ADS1299 1") && wire.fault.contains("gain"), "{}", wire.fault);
 
         report.ready.fault = Some(RateError::NotMeasured { chip: 0 });
         assert!(self_test_message(&report).fault.contains("ADS1299 0"));

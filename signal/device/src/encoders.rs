@@ -123,10 +123,7 @@ pub struct BothEncoders {
 
 impl BothEncoders {
     /// Memory before the first step, all zeros.
-    pub const EMPTY: Self = Self {
-        network: EncoderMemory::EMPTY,
-        packed: PackedMemory::EMPTY,
-    };
+    pub const EMPTY: Self = Self { network: EncoderMemory::EMPTY, packed: PackedMemory::EMPTY };
 }
 
 impl Encoders for BothEncoders {

@@ -18,9 +18,7 @@ pub struct Impedance {
 impl Impedance {
     /// Builds the wire message, which borrows the impedances.
     pub(crate) const fn message(&self) -> link::Impedance<'_> {
-        link::Impedance {
-            ohms: self.ohms.as_flattened(),
-        }
+        link::Impedance { ohms: self.ohms.as_flattened() }
     }
 }
 
@@ -37,10 +35,8 @@ pub(crate) const fn spoils(streams: Streams) -> bool {
 }
 
 const fn spoils_at(adc_rate_hz: u16, streams: Streams) -> bool {
-    let filtered = streams
-        .without(Streams::RAW)
-        .without(Streams::COMPRESSED_RAW)
-        .without(Streams::EVENTS);
+    let filtered =
+        streams.without(Streams::RAW).without(Streams::COMPRESSED_RAW).without(Streams::EVENTS);
     adc_rate_hz < 500 && !filtered.is_empty()
 }
 
@@ -65,9 +61,7 @@ impl ImpedanceMeasurement {
             self.0.restart();
         }
         let ohms = self.0.observe(&acquired.sample.counts)?;
-        Some(Impedance {
-            ohms: ohms.map(u32::to_le_bytes),
-        })
+        Some(Impedance { ohms: ohms.map(u32::to_le_bytes) })
     }
 }
 
@@ -90,20 +84,13 @@ mod tests {
     #[test]
     fn a_measurement_begins_again_after_a_lost_sample_and_without_excitation() {
         let period = u64::from(ADC_RATE_HZ);
-        let samples = if period.is_multiple_of(4) {
-            period
-        } else {
-            2 * period
-        };
+        let samples = if period.is_multiple_of(4) { period } else { 2 * period };
         let (excited, lost) = (100, 100 + samples / 2);
         let mut measurement = ImpedanceMeasurement::NEW;
         let mut found = Vec::new();
         for index in 0..lost + 2 * samples + 20 {
-            let mut acquired = AcquiredSample {
-                index,
-                excited: index >= excited,
-                ..AcquiredSample::default()
-            };
+            let mut acquired =
+                AcquiredSample { index, excited: index >= excited, ..AcquiredSample::default() };
             acquired.sample.counts = [[4_989, 0, -4_989, 0][(index % 4) as usize]; model::CHANNELS];
             acquired.marks.overrun = index == lost;
             acquired.marks.adc_status_bad = index == lost - 1;
@@ -112,10 +99,6 @@ mod tests {
         let ends: Vec<u64> = found.iter().map(|(index, _)| index + 1).collect();
         assert_eq!(ends, [lost + 8 + samples, lost + 8 + 2 * samples]);
         let message = found[0].1.message();
-        assert!(
-            message
-                .electrodes()
-                .all(|ohms| ohms.is_some_and(|ohms| ohms > 100))
-        );
+        assert!(message.electrodes().all(|ohms| ohms.is_some_and(|ohms| ohms > 100)));
     }
 }

@@ -102,10 +102,7 @@ const _: () = assert!(pipeline::MAX_FEATURES == link::MAX_FEATURES);
 pub(crate) fn features(features: &Features, marks: Marks) -> FeaturesMessage<'_> {
     let flags = with_flags(
         marks,
-        [
-            (features.saturated != 0, Flags::SATURATED),
-            (features.settling, Flags::SETTLING),
-        ],
+        [(features.saturated != 0, Flags::SATURATED), (features.settling, Flags::SETTLING)],
     );
     FeaturesMessage {
         id: features.id,
@@ -183,20 +180,11 @@ mod tests {
         let mut blocks = (0..HOP).filter_map(|_| encoder.encode_step(&step));
         let code = blocks.next().expect("a block");
         let message = packed_code(&code, Marks::NONE);
-        let flags = [
-            Flags::SATURATED,
-            Flags::SETTLING,
-            Flags::CLIPPED,
-            Flags::MISFIT,
-        ];
+        let flags = [Flags::SATURATED, Flags::SETTLING, Flags::CLIPPED, Flags::MISFIT];
         assert!(flags.into_iter().all(|flag| message.flags.contains(flag)));
         assert!(!message.flags.contains(Flags::OVERRUN));
         assert_eq!((message.saturated, message.block), (1 << 9, 0));
-        assert_eq!(
-            usize::from(message.clipped),
-            HOP * model::ELECTRODES,
-            "every value"
-        );
+        assert_eq!(usize::from(message.clipped), HOP * model::ELECTRODES, "every value");
         assert!(message.bytes == code.bytes() && message.bytes.len() <= MAX_PACKED_BYTES);
     }
 }

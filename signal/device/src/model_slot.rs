@@ -23,20 +23,13 @@ const PREDICTION_PAIRS: usize = PACKED_COEFFICIENTS * PACKED_COEFFICIENTS / 4;
     clippy::cast_possible_truncation,
     reason = "at most 64 electrodes, 64 steps, 256 coefficients"
 )]
-const SHAPE: [u16; 4] = [
-    ELECTRODES as u16,
-    HOP as u16,
-    PACKED_INPUT_PAIRS as u16,
-    PACKED_COEFFICIENTS as u16,
-];
+const SHAPE: [u16; 4] =
+    [ELECTRODES as u16, HOP as u16, PACKED_INPUT_PAIRS as u16, PACKED_COEFFICIENTS as u16];
 /// Largest magnitude of `misfit_energy`, so that no sum with it overflows.
 const MAX_MISFIT: i64 = 1 << 48;
 /// Numbers of steps of a window, pairs of electrodes and values of a code in the built-in model,
 /// and the format of its codes; a linear code must state the same.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "at most 32 steps, 32 pairs, 256 numbers"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "at most 32 steps, 32 pairs, 256 numbers")]
 const LINEAR_SHAPE: [u16; 4] = [
     STEPS as u16,
     ELECTRODE_PAIRS as u16,
@@ -101,10 +94,7 @@ pub(crate) struct CodeScales {
 
 impl CodeScales {
     /// Scales of the codes that the built-in network computes.
-    pub(crate) const BUILT_IN: &Self = &Self {
-        scale: CODE_SCALE,
-        zero_point: CODE_ZERO_POINT,
-    };
+    pub(crate) const BUILT_IN: &Self = &Self { scale: CODE_SCALE, zero_point: CODE_ZERO_POINT };
 }
 
 const _: () = assert!(
@@ -169,11 +159,7 @@ impl ModelSlot {
 
     /// Returns the announcement of the model that the slot holds or is receiving.
     const fn announced(&self) -> ModelBegin {
-        ModelBegin {
-            id: self.id,
-            bytes: self.bytes,
-            crc: self.crc,
-        }
+        ModelBegin { id: self.id, bytes: self.bytes, crc: self.crc }
     }
 
     fn announce(&mut self, ModelBegin { id, bytes, crc }: ModelBegin) {
@@ -245,16 +231,10 @@ impl ModelSlot {
         let built_in =
             || (self.content.packed.network == NETWORK_ID).then_some(*CodeScales::BUILT_IN);
         let linear = self.content.linear().map(|linear| linear.scales);
-        let model = UploadedModel {
-            id: self.id,
-            code_scales: linear.or_else(built_in),
-        };
+        let model = UploadedModel { id: self.id, code_scales: linear.or_else(built_in) };
         UploadOutcome {
             result,
-            received: ModelReceived {
-                crc: self.crc,
-                bytes: self.received,
-            },
+            received: ModelReceived { crc: self.crc, bytes: self.received },
             model: self.is_complete.then_some(model),
         }
     }
@@ -271,34 +251,22 @@ impl ModelSlot {
         };
         let slice = |slice: Slice<'static>| Slice {
             first: slice.first,
-            matrix: Linear {
-                weights: weights(slice.first, slice.matrix.inputs),
-                ..slice.matrix
-            },
+            matrix: Linear { weights: weights(slice.first, slice.matrix.inputs), ..slice.matrix },
         };
         let packed = Packed {
             analysis: packed.analysis.map(slice),
             analysis_factors: &content.analysis_factors,
-            prediction: Linear {
-                weights: &content.prediction,
-                ..packed.prediction
-            },
+            prediction: Linear { weights: &content.prediction, ..packed.prediction },
             prediction_factors: &content.prediction_factors,
             predicted_levels: &content.predicted_levels,
             reset_levels: &content.reset_levels,
-            tables: Tables {
-                starts: &content.starts,
-                costs: &content.costs,
-            },
+            tables: Tables { starts: &content.starts, costs: &content.costs },
             input_multiplier: content.input_multiplier,
             input_limit: content.input_limit,
             misfit_energy: content.misfit_energy.get(),
             rate: packed.rate,
         };
-        Some(UploadedWeights {
-            packed,
-            network: self.content.linear().map(LinearContent::network),
-        })
+        Some(UploadedWeights { packed, network: self.content.linear().map(LinearContent::network) })
     }
 }
 
@@ -311,9 +279,7 @@ impl Content {
     /// Returns whether the first `bytes` bytes have this CRC, and are a model with which the
     /// encoder does not overflow and the range coder never meets an empty range.
     fn is_sound(&self, bytes: u32, crc: u32) -> bool {
-        let content = usize::try_from(bytes)
-            .ok()
-            .and_then(|bytes| self.as_bytes().get(..bytes));
+        let content = usize::try_from(bytes).ok().and_then(|bytes| self.as_bytes().get(..bytes));
         let has_linear = content.is_some_and(|content| content.len() > size_of::<PackedContent>());
         content.is_some_and(|content| model_crc(content) == crc)
             && self.packed.is_sound()
@@ -324,10 +290,7 @@ impl Content {
 
 impl PackedContent {
     fn is_sound(&self) -> bool {
-        let tables = Tables {
-            starts: &self.starts,
-            costs: &self.costs,
-        };
+        let tables = Tables { starts: &self.starts, costs: &self.costs };
         self.layout == LAYOUT
             && self.shape == SHAPE
             && (1..=i32::from(i16::MAX)).contains(&self.input_limit)

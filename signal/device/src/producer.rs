@@ -115,10 +115,7 @@ impl Payload<'_> {
     /// Returns whether this is the result of a hop: a code, a packed block or features.
     #[inline]
     pub const fn is_of_hop(&self) -> bool {
-        matches!(
-            self,
-            Self::Code(..) | Self::PackedCode(..) | Self::Features(..)
-        )
+        matches!(self, Self::Code(..) | Self::PackedCode(..) | Self::Features(..))
     }
 }
 
@@ -245,15 +242,8 @@ impl<E: Encoders> Producer<E> {
     ) {
         while self.windows.steps() < acquired.step_index {
             let (sample, at_us) = acquired.place_of_step(self.windows.steps());
-            let substitute = Step {
-                sample,
-                offset_us: 0,
-                ..self.last
-            };
-            self.windows.mark(Marks {
-                overrun: true,
-                ..acquired.lost
-            });
+            let substitute = Step { sample, offset_us: 0, ..self.last };
+            self.windows.mark(Marks { overrun: true, ..acquired.lost });
             self.encode(uploaded, &substitute, at_us, emit);
         }
     }
@@ -277,11 +267,8 @@ impl<E: Encoders> Producer<E> {
                 return;
             }
             if self.wants(Streams::EVENTS) {
-                let event = Event {
-                    kind: captured.kind,
-                    number: captured.number,
-                    sample: acquired.index,
-                };
+                let event =
+                    Event { kind: captured.kind, number: captured.number, sample: acquired.index };
                 self.emit(captured.at_us, Payload::Event(event), emit);
             }
         }
@@ -372,49 +359,24 @@ impl<E: Encoders> Producer<E> {
         let (Some(table), [substitution]) = (&SUBSTITUTION, &mut self.substitution[..]) else {
             return;
         };
-        let ExclusionPolicy {
-            always,
-            never,
-            automatic,
-        } = self.policy;
-        let policy = pipeline::ExclusionPolicy {
-            always,
-            never,
-            automatic,
-        };
+        let ExclusionPolicy { always, never, automatic } = self.policy;
+        let policy = pipeline::ExclusionPolicy { always, never, automatic };
         substitution.fill_step(step, policy, table);
         let excluded = step.excluded;
-        self.windows.mark(Marks {
-            substituted: excluded != 0,
-            ..Marks::NONE
-        });
-        if self
-            .exclusion
-            .is_none_or(|newest| newest.excluded != excluded)
-        {
+        self.windows.mark(Marks { substituted: excluded != 0, ..Marks::NONE });
+        if self.exclusion.is_none_or(|newest| newest.excluded != excluded) {
             let first_step = self.windows.steps();
-            self.exclusion = Some(ExclusionChange {
-                first_step,
-                excluded,
-            });
+            self.exclusion = Some(ExclusionChange { first_step, excluded });
             self.emit_exclusion(drdy_us, emit);
         }
     }
 
     /// Emits the newest change of the excluded electrodes.
     fn emit_exclusion(&self, at_us: u64, emit: &mut impl FnMut(Output<'_>)) {
-        let Some(ExclusionChange {
-            first_step,
-            excluded,
-        }) = self.exclusion
-        else {
+        let Some(ExclusionChange { first_step, excluded }) = self.exclusion else {
             return;
         };
-        let exclusion = Exclusion {
-            first_step,
-            excluded,
-            policy: self.policy,
-        };
+        let exclusion = Exclusion { first_step, excluded, policy: self.policy };
         self.emit(at_us, Payload::Exclusion(exclusion), emit);
     }
 
@@ -469,10 +431,6 @@ impl<E: Encoders> Producer<E> {
     }
 
     fn emit(&self, at_us: u64, payload: Payload<'_>, emit: &mut impl FnMut(Output<'_>)) {
-        emit(Output {
-            run: self.run.number,
-            at_us,
-            payload,
-        });
+        emit(Output { run: self.run.number, at_us, payload });
     }
 }

@@ -36,20 +36,13 @@ pub struct Sender<Q> {
 impl<Q: FrameQueue> Sender<Q> {
     /// Creates a sender whose first frame has `seq` 0.
     pub const fn new(queue: Q) -> Self {
-        Self {
-            encoder: Encoder::starting_at(0),
-            queue,
-            buffer: [0; MAX_FRAME],
-        }
+        Self { encoder: Encoder::starting_at(0), queue, buffer: [0; MAX_FRAME] }
     }
 
     /// Numbers, encodes and queues a message. `device_time_us` is the device time for the frame's
     /// header, microseconds since boot.
     pub fn send(&mut self, device_time_us: u64, message: &ToHost<'_>) {
-        match self
-            .encoder
-            .encode(device_time_us, message, &mut self.buffer)
-        {
+        match self.encoder.encode(device_time_us, message, &mut self.buffer) {
             Ok(frame) if is_bulk(message) => self.queue.push_bulk(frame),
             Ok(frame) => self.queue.push(frame),
             // The message is too long for a frame. The host sees a gap in `seq`; the counter of
@@ -130,12 +123,7 @@ pub struct FrameRing<const BYTES: usize> {
 impl<const BYTES: usize> FrameRing<BYTES> {
     /// Creates an empty ring; usable in a `static`.
     pub const fn new() -> Self {
-        Self {
-            bytes: [0; BYTES],
-            first: 0,
-            used: 0,
-            dropped: 0,
-        }
+        Self { bytes: [0; BYTES], first: 0, used: 0, dropped: 0 }
     }
 
     /// Moves the oldest frame to the start of `frame` and returns that part of `frame`; `None` if

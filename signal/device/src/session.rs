@@ -93,9 +93,9 @@ impl<'i> Session<'i> {
     /// host with the uploaded model could not decode.
     fn streams(&self) -> Streams {
         match self.uploaded {
-            Some(UploadedModel {
-                code_scales: None, ..
-            }) => (self.abilities.streams).without(Streams::CODES | Streams::AUDIT),
+            Some(UploadedModel { code_scales: None, .. }) => {
+                (self.abilities.streams).without(Streams::CODES | Streams::AUDIT)
+            }
             _ => self.abilities.streams,
         }
     }
@@ -187,10 +187,7 @@ impl<'i> Session<'i> {
                 return (AckResult::NotSupported, None);
             }
             ToDevice::SyncTime { host_time_us } => {
-                let reading = ClockReading {
-                    host_time_us,
-                    received_us: now_us,
-                };
+                let reading = ClockReading { host_time_us, received_us: now_us };
                 sender.send(now_us, &ToHost::ClockReading(reading));
             }
             ToDevice::Reset(into) => return self.reset(into),
@@ -317,11 +314,7 @@ impl<'i> Session<'i> {
         }
         let previous_mains = self.run.mains;
         let number = self.run.number.wrapping_add(1);
-        self.run = Run {
-            number,
-            mains,
-            streams,
-        };
+        self.run = Run { number, mains, streams };
         if mains != previous_mains {
             self.send_capabilities(now_us, sender);
         }
@@ -450,10 +443,8 @@ fn upload<S: Slot>(
     is_streaming: bool,
     slot: &mut S,
 ) -> Option<Result<UploadOutcome, AckResult>> {
-    let is_upload = matches!(
-        command,
-        ToDevice::ModelBegin(_) | ToDevice::ModelChunk(_) | ToDevice::ModelEnd
-    );
+    let is_upload =
+        matches!(command, ToDevice::ModelBegin(_) | ToDevice::ModelChunk(_) | ToDevice::ModelEnd);
     if !is_upload || !S::EXISTS {
         return None;
     }

@@ -72,27 +72,18 @@ enum Encoding {
 impl<'a> CodeValues<'a> {
     /// Creates values in format 0: each byte is a level, -128 to 127 in two's complement.
     pub const fn int8(bytes: &'a [u8]) -> CodeValues<'a> {
-        CodeValues {
-            encoding: Encoding::Int8,
-            bytes,
-        }
+        CodeValues { encoding: Encoding::Int8, bytes }
     }
 
     /// Creates values in format 1: each byte is a value, -128 to 127 in two's complement, and
     /// `level = value * 2^exponent`. A frame with an exponent above [`MAX_EXPONENT`] is malformed.
     pub const fn int8_exponent(exponent: u8, bytes: &'a [u8]) -> CodeValues<'a> {
-        CodeValues {
-            encoding: Encoding::Int8Exponent { exponent },
-            bytes,
-        }
+        CodeValues { encoding: Encoding::Int8Exponent { exponent }, bytes }
     }
 
     /// Creates values in format 2: each pair of bytes is a 16-bit level, little-endian.
     pub const fn int16(bytes: &'a [u8]) -> CodeValues<'a> {
-        CodeValues {
-            encoding: Encoding::Int16,
-            bytes,
-        }
+        CodeValues { encoding: Encoding::Int16, bytes }
     }
 
     /// Returns the format of these values; it must equal
@@ -127,11 +118,7 @@ impl<'a> CodeValues<'a> {
     /// Returns the quantisation levels, -32768 to 32767.
     pub fn levels(&self) -> impl ExactSizeIterator<Item = i32> + use<'a> {
         let (width, exponent) = (self.width(), self.exponent());
-        let shift = if exponent < MAX_EXPONENT {
-            exponent
-        } else {
-            MAX_EXPONENT
-        };
+        let shift = if exponent < MAX_EXPONENT { exponent } else { MAX_EXPONENT };
         self.bytes.chunks_exact(width).map(move |bytes| {
             let value = match *bytes {
                 [low, high] => i32::from(i16::from_le_bytes([low, high])),

@@ -29,11 +29,7 @@ pub struct ExclusionPolicy {
 
 impl ExclusionPolicy {
     /// Policy of a device until its host sets another: the device finds bad electrodes itself.
-    pub const AUTOMATIC: Self = Self {
-        always: 0,
-        never: 0,
-        automatic: true,
-    };
+    pub const AUTOMATIC: Self = Self { always: 0, never: 0, automatic: true };
 }
 
 bit_set! {

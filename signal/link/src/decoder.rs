@@ -49,10 +49,7 @@ impl fmt::Display for FrameError {
                  to the same release"
             ),
             FrameError::Unknown { kind, .. } => {
-                write!(
-                    formatter,
-                    "message {kind} is newer than this side and is ignored"
-                )
+                write!(formatter, "message {kind} is newer than this side and is ignored")
             }
             FrameError::Malformed => write!(formatter, "content does not fit its message"),
         }
@@ -204,10 +201,8 @@ impl<const N: usize> Decoder<N> {
             Err(FrameError::Malformed) => &mut counters.malformed,
         };
         *counter = counter.wrapping_add(1);
-        let damaged = matches!(
-            outcome,
-            Err(FrameError::Oversize | FrameError::Cobs | FrameError::Crc)
-        );
+        let damaged =
+            matches!(outcome, Err(FrameError::Oversize | FrameError::Cobs | FrameError::Crc));
         if damaged && !self.damaged {
             counters.resyncs = counters.resyncs.wrapping_add(1);
         }
@@ -220,9 +215,7 @@ impl<const N: usize> Decoder<N> {
 fn decode_in_place<'d, M: Message<'d>>(bytes: &'d mut [u8]) -> Result<Frame<M>, FrameError> {
     let length = cobs::decode_in_place(bytes).map_err(|_| FrameError::Cobs)?;
     let bytes: &'d [u8] = bytes;
-    let (body, crc) = bytes[..length]
-        .split_last_chunk::<CRC_BYTES>()
-        .ok_or(FrameError::Crc)?;
+    let (body, crc) = bytes[..length].split_last_chunk::<CRC_BYTES>().ok_or(FrameError::Crc)?;
     let mut digest = digest::<M>();
     digest.update(body);
     if digest.finalize() != u32::from_le_bytes(*crc) {

@@ -48,11 +48,8 @@ pub fn encode<'m, 'b, M: Message<'m>>(
     let written = {
         let inner_end = out.len().checked_sub(1).ok_or(error)?;
         let inner = out.get_mut(1..inner_end).ok_or(error)?;
-        let sink = FrameWriter {
-            encoder: CobsEncoder::new(inner),
-            digest: digest::<M>(),
-            room: MAX_BODY,
-        };
+        let sink =
+            FrameWriter { encoder: CobsEncoder::new(inner), digest: digest::<M>(), room: MAX_BODY };
         write(header, message, sink).map_err(|_| error)?
     };
     out[0] = 0;
@@ -110,11 +107,7 @@ impl Encoder {
     }
 
     fn number(&mut self, device_time_us: u64) -> Header {
-        let header = Header {
-            version: VERSION,
-            seq: self.next_seq,
-            device_time_us,
-        };
+        let header = Header { version: VERSION, seq: self.next_seq, device_time_us };
         self.next_seq = self.next_seq.wrapping_add(1);
         header
     }
@@ -138,9 +131,7 @@ impl Flavor for FrameWriter<'_> {
             .filter(|room| *room >= CRC_BYTES)
             .ok_or(postcard::Error::SerializeBufferFull)?;
         self.digest.update(data);
-        self.encoder
-            .push(data)
-            .map_err(|_| postcard::Error::SerializeBufferFull)
+        self.encoder.push(data).map_err(|_| postcard::Error::SerializeBufferFull)
     }
 
     fn try_push(&mut self, byte: u8) -> postcard::Result<()> {
@@ -149,9 +140,7 @@ impl Flavor for FrameWriter<'_> {
 
     fn finalize(mut self) -> postcard::Result<usize> {
         let crc = self.digest.finalize().to_le_bytes();
-        self.encoder
-            .push(&crc)
-            .map_err(|_| postcard::Error::SerializeBufferFull)?;
+        self.encoder.push(&crc).map_err(|_| postcard::Error::SerializeBufferFull)?;
         Ok(self.encoder.finalize())
     }
 }

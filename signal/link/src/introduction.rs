@@ -111,10 +111,7 @@ pub struct Substitutes {
 
 impl Substitutes {
     /// No substitutes: every electrode is measured.
-    pub const NONE: Self = Self {
-        interpolated: 0,
-        zero: 0,
-    };
+    pub const NONE: Self = Self { interpolated: 0, zero: 0 };
 
     /// Formats the electrodes of both sets by their labels, such as "interpolated: F1 F2; zero:
     /// Cz". `labels` are the labels in [`Capabilities::labels`](crate::Capabilities::labels).
@@ -126,10 +123,8 @@ impl Substitutes {
             let mut separator = "";
             for (kind, set) in [("interpolated", self.interpolated), ("zero", self.zero)] {
                 let mut start = kind;
-                for (_, label) in labels
-                    .clone()
-                    .enumerate()
-                    .filter(|(n, _)| *n < 64 && set >> n & 1 == 1)
+                for (_, label) in
+                    labels.clone().enumerate().filter(|(n, _)| *n < 64 && set >> n & 1 == 1)
                 {
                     if start == kind {
                         write!(f, "{separator}{kind}:")?;

@@ -211,9 +211,7 @@ impl<'a> Message<'a> for ToDevice<'a> {
             }
             ToDevice::SetFeatures(filters) => {
                 filters.weights = tail;
-                (1..=MAX_FEATURES * MAX_ELECTRODES)
-                    .contains(&tail.len())
-                    .then_some(self)
+                (1..=MAX_FEATURES * MAX_ELECTRODES).contains(&tail.len()).then_some(self)
             }
             _ => tail.is_empty().then_some(self),
         }
@@ -240,10 +238,9 @@ impl ToDevice<'_> {
                 ToDevice::ModelChunk(ModelChunk { offset, bytes: &[] })
             }
             ToDevice::ModelEnd => ToDevice::ModelEnd,
-            ToDevice::SetFeatures(filters) => ToDevice::SetFeatures(FeatureFilters {
-                weights: &[],
-                ..filters
-            }),
+            ToDevice::SetFeatures(filters) => {
+                ToDevice::SetFeatures(FeatureFilters { weights: &[], ..filters })
+            }
             ToDevice::SetImpedance { on } => ToDevice::SetImpedance { on },
         }
     }

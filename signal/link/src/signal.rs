@@ -52,9 +52,7 @@ impl Raw<'_> {
     pub fn counts(&self) -> impl Iterator<Item = i32> {
         let (counts, _) = self.counts.as_chunks::<COUNT_BYTES>();
         // Shift the 24 bits to the top and back down, which extends the sign.
-        counts
-            .iter()
-            .map(|&[low, middle, high]| i32::from_le_bytes([0, low, middle, high]) >> 8)
+        counts.iter().map(|&[low, middle, high]| i32::from_le_bytes([0, low, middle, high]) >> 8)
     }
 }
 

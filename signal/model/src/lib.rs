@@ -60,10 +60,7 @@ pub use statics::{
 pub use substitution::Substitution;
 
 /// Checksum of the network, computed at compile time; compare with [`Network::checksum`].
-#[allow(
-    long_running_const_eval,
-    reason = "a network of a megabyte takes the compiler a second"
-)]
+#[allow(long_running_const_eval, reason = "a network of a megabyte takes the compiler a second")]
 pub const NETWORK_CHECKSUM: u32 = NETWORK.checksum();
 
 /// Checksum of the packed model, computed at compile time; compare with [`Packed::checksum`].
@@ -95,10 +92,7 @@ const _: () = {
     assert!(NETWORK.is_consistent());
     let mut electrode = 0;
     while electrode < ELECTRODES {
-        assert!(
-            (GRID_CELL[electrode] as usize) < CELLS,
-            "every electrode has a cell"
-        );
+        assert!((GRID_CELL[electrode] as usize) < CELLS, "every electrode has a cell");
         electrode += 1;
     }
     assert!(NETWORK.hop == HOP && CHANNELS >= ELECTRODES);

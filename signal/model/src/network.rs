@@ -82,21 +82,13 @@ impl<'w> Network<'w> {
     /// Returns a matrix of the fully connected layer with these packed weights.
     #[inline]
     pub const fn fc(weights: &[Pair; FC_PAIRS]) -> Linear<'_> {
-        Linear {
-            inputs: FC_INPUTS,
-            outputs: CODE,
-            weights,
-        }
+        Linear { inputs: FC_INPUTS, outputs: CODE, weights }
     }
 
     /// Returns a matrix of the linear shortcut with these packed weights.
     #[inline]
     pub const fn shortcut(weights: &[Pair; SHORTCUT_PAIRS]) -> Linear<'_> {
-        Linear {
-            inputs: ELECTRODE_PAIRS,
-            outputs: CODE,
-            weights,
-        }
+        Linear { inputs: ELECTRODE_PAIRS, outputs: CODE, weights }
     }
 
     /// Returns the checksum of all weights, biases, factors and zero points: 32-bit FNV-1a (Fowler,

@@ -68,9 +68,7 @@ impl Packed<'_> {
             step += 1;
         }
         first == PACKED_INPUT_PAIRS
-            && self
-                .prediction
-                .is_consistent(PACKED_COEFFICIENTS / 2, PACKED_COEFFICIENTS)
+            && self.prediction.is_consistent(PACKED_COEFFICIENTS / 2, PACKED_COEFFICIENTS)
             && self.tables.is_consistent()
             && self.rate < 16
     }

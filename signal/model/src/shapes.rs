@@ -14,19 +14,13 @@ pub const CELLS: usize = ROWS * COLUMNS;
 /// Number of padding rows and columns on each side of a plane in both convolutions: 0 or 1.
 pub const MARGIN: usize = PADS_SPACE as usize;
 /// Shape of one time step of the scalp grid, with its margin.
-pub const CELL_PLANE: PlaneShape = PlaneShape {
-    rows: ROWS + 2 * MARGIN,
-    columns: COLUMNS + 2 * MARGIN,
-    channels: 1,
-};
+pub const CELL_PLANE: PlaneShape =
+    PlaneShape { rows: ROWS + 2 * MARGIN, columns: COLUMNS + 2 * MARGIN, channels: 1 };
 /// Rows and columns of the second convolution's output. A network without convolutions has the
 /// smallest plane that the kernels accept, so that the shapes of the absent layers are valid on
 /// every grid.
 const FEATURE_MAP: [usize; 2] = if HAS_CONVOLUTIONS {
-    [
-        CELL_PLANE.rows + 2 * MARGIN - 2 * SHRINK,
-        CELL_PLANE.columns + 2 * MARGIN - 2 * SHRINK,
-    ]
+    [CELL_PLANE.rows + 2 * MARGIN - 2 * SHRINK, CELL_PLANE.columns + 2 * MARGIN - 2 * SHRINK]
 } else {
     [1, 3]
 };
@@ -50,10 +44,7 @@ pub const HIDDEN_PAIRS: usize = HIDDEN.channels / 2;
 /// Shape of a hidden plane without its margin: the part that the first convolution computes.
 pub const HIDDEN_INTERIOR: PlaneShape = PlaneShape {
     rows: smaller(HIDDEN.rows - MARGIN, CELL_PLANE.rows.saturating_sub(SHRINK)),
-    columns: smaller(
-        HIDDEN.columns - MARGIN,
-        CELL_PLANE.columns.saturating_sub(SHRINK),
-    ),
+    columns: smaller(HIDDEN.columns - MARGIN, CELL_PLANE.columns.saturating_sub(SHRINK)),
     channels: HIDDEN.channels,
 };
 /// Number of pooled planes in a window that do not depend on padding: two convolutions remove four
@@ -62,11 +53,7 @@ pub const INNER_STEPS: usize = (STEPS - 2 * SHRINK) / POOL[0];
 /// Number of pooled planes at each end of a window that depend on padded steps.
 pub const EDGE_STEPS: usize = if PADS_TIME { SHRINK / POOL[0] } else { 0 };
 /// Number of pooled planes in a window.
-pub const POOLED_STEPS: usize = if HAS_CONVOLUTIONS {
-    INNER_STEPS + 2 * EDGE_STEPS
-} else {
-    0
-};
+pub const POOLED_STEPS: usize = if HAS_CONVOLUTIONS { INNER_STEPS + 2 * EDGE_STEPS } else { 0 };
 /// Largest number of windows that contain the same time step.
 pub const OPEN_WINDOWS: usize = STEPS / HOP;
 /// Whether the model has a network. Without a network, it has the packed code alone, and its codes

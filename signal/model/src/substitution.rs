@@ -26,8 +26,7 @@ impl Substitution<'_> {
     /// Returns true if the matrix has the shape of this montage, so that no product is left out.
     /// Asserted at compile time.
     pub const fn is_consistent(&self) -> bool {
-        self.prediction
-            .is_consistent(ELECTRODE_PAIRS, ELECTRODE_OUTPUTS)
+        self.prediction.is_consistent(ELECTRODE_PAIRS, ELECTRODE_OUTPUTS)
     }
 
     /// Returns the checksum of matrix and innovations. A board compares it with

@@ -77,10 +77,7 @@ const fn offset_us(phase: usize, phases: usize, rate_hz: u16) -> u16 {
     (phase as u64 * 1_000_000 / (phases as u64 * rate_hz as u64)) as u16
 }
 
-const _: () = assert!(
-    ADC_RATE_HZ > 15,
-    "the time between two samples must be below 2^16 us"
-);
+const _: () = assert!(ADC_RATE_HZ > 15, "the time between two samples must be below 2^16 us");
 
 /// Acquisition, substitution of bad electrodes and encoder in one, for programs that run all three
 /// at the same priority. The codes equal those of a device with [`ExclusionPolicy::AUTOMATIC`].
@@ -99,11 +96,7 @@ impl Pipeline {
         for substitution in &mut substitution {
             substitution.restart(mains);
         }
-        Self {
-            acquisition: Acquisition::new(mains),
-            substitution,
-            encoder: Encoder::new(),
-        }
+        Self { acquisition: Acquisition::new(mains), substitution, encoder: Encoder::new() }
     }
 
     /// Processes one sample. Returns a code if the sample completes a window: the first code with
@@ -131,10 +124,7 @@ mod tests {
 
     fn steps(mains: Mains, samples: impl IntoIterator<Item = Sample>) -> Vec<Step> {
         let mut acquisition = Acquisition::new(mains);
-        samples
-            .into_iter()
-            .filter_map(|sample| acquisition.process_sample(&sample))
-            .collect()
+        samples.into_iter().filter_map(|sample| acquisition.process_sample(&sample)).collect()
     }
 
     #[test]
@@ -146,9 +136,7 @@ mod tests {
             }),
         };
         let steps = |acquisition: &mut Acquisition| -> Vec<Step> {
-            (0..90)
-                .filter_map(|index| acquisition.process_sample(&sample(index)))
-                .collect()
+            (0..90).filter_map(|index| acquisition.process_sample(&sample(index))).collect()
         };
         let expected = steps(&mut Acquisition::new(Mains::Hz60));
         let mut acquisition = Acquisition::new(Mains::Hz50);
@@ -180,11 +168,7 @@ mod tests {
             if index == 9 {
                 sample.counts[CHANNELS - 1] = Sample::MAX;
             }
-            seen.extend(
-                acquisition
-                    .process_sample(&sample)
-                    .map(|step| step.saturated),
-            );
+            seen.extend(acquisition.process_sample(&sample).map(|step| step.saturated));
         }
         assert_eq!(seen, [0, 0, 1 << 4, 1 << (CHANNELS - 1), 0]);
     }
@@ -194,12 +178,7 @@ mod tests {
         for mains in [Mains::Hz50, Mains::Hz60] {
             // An input step of 100 mV on every channel, at the first sample.
             let count = 4_473_924;
-            let steps = steps(
-                mains,
-                (0..8_192).map(|_| Sample {
-                    counts: [count; CHANNELS],
-                }),
-            );
+            let steps = steps(mains, (0..8_192).map(|_| Sample { counts: [count; CHANNELS] }));
             let settled: Vec<&Step> = steps.iter().filter(|step| !step.settling).collect();
             assert!(settled.len() > 500);
             let limit = (count << model::GUARD_BITS) / 10_000 + (1 << model::GUARD_BITS);
@@ -208,9 +187,8 @@ mod tests {
             }
             // The flag is not set longer than necessary: the output still exceeds the limit within
             // the last 64 samples before the flag clears.
-            let flagged = steps
-                .iter()
-                .rfind(|step| step.settling && step.electrodes[0].abs() > limit);
+            let flagged =
+                steps.iter().rfind(|step| step.settling && step.electrodes[0].abs() > limit);
             assert!(flagged.is_some_and(|step| step.sample + 64 > settled_at(mains)));
         }
     }

@@ -89,11 +89,7 @@ impl CodeValues {
             })),
         };
         // The condition is constant: only a code of more than 255 values needs the limit.
-        let clipped = if CODE > 255 {
-            clipped.min(255)
-        } else {
-            clipped
-        };
+        let clipped = if CODE > 255 { clipped.min(255) } else { clipped };
         #[expect(clippy::cast_possible_truncation, reason = "at most 255")]
         let clipped = clipped as u8;
         (values, clipped)

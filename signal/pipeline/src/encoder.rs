@@ -48,10 +48,7 @@ impl<'w> Encoder<'w> {
     /// Creates an encoder with `network`, which must have the shape of the built-in network; see
     /// [`Network::is_consistent`].
     pub const fn with_network(network: &'w Network<'w>) -> Self {
-        Self {
-            network,
-            memory: EncoderMemory::EMPTY,
-        }
+        Self { network, memory: EncoderMemory::EMPTY }
     }
 
     /// Resets the encoder in place: the next step is the first of a stream.
@@ -136,10 +133,7 @@ impl EncoderMemory {
             return None;
         }
         let window = first >> hop.trailing_zeros();
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "the window index wraps at 2^32"
-        )]
+        #[expect(clippy::cast_possible_truncation, reason = "the window index wraps at 2^32")]
         let number = window as u32;
         Some(self.windows[slot_of(window)].code(number, network))
     }

@@ -19,10 +19,7 @@ const LARGEST_COEFFICIENT: u64 = 1 << 34;
 
 /// Number of hops that are marked as settling after a start or a change of filters, because the
 /// band-pass starts at rest: the hops of 1 s.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "at most as many as steps per second"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "at most as many as steps per second")]
 const SETTLING_HOPS: u8 = (STEP_RATE_HZ as usize).div_ceil(HOP) as u8;
 
 const _: () = assert!((STEP_RATE_HZ as usize).div_ceil(HOP) < 255);
@@ -88,27 +85,13 @@ impl FeatureFilters {
             }
         }
         let mut packed = [Pair::ZERO; WEIGHT_PAIRS];
-        Linear::pack_weights(
-            ELECTRODE_PAIRS,
-            MAX_FEATURES,
-            inputs.as_flattened(),
-            &mut packed,
-        );
-        Some(Self {
-            id,
-            band: sections.map(BandPass::from_q32),
-            filters: count,
-            weights: packed,
-        })
+        Linear::pack_weights(ELECTRODE_PAIRS, MAX_FEATURES, inputs.as_flattened(), &mut packed);
+        Some(Self { id, band: sections.map(BandPass::from_q32), filters: count, weights: packed })
     }
 
     /// Returns the matrix from the electrodes to the filtered signals.
     const fn matrix(&self) -> Linear<'_> {
-        Linear {
-            inputs: ELECTRODE_PAIRS,
-            outputs: MAX_FEATURES,
-            weights: &self.weights,
-        }
+        Linear { inputs: ELECTRODE_PAIRS, outputs: MAX_FEATURES, weights: &self.weights }
     }
 }
 
@@ -135,9 +118,7 @@ impl Features {
     /// limited to 0..=255. The energy is the sum of the squares of the hop's filtered samples; a
     /// sample is the weighted sum of the electrodes in quarters of a microvolt.
     pub fn levels(&self) -> &[u8] {
-        self.levels
-            .get(..usize::from(self.filters))
-            .unwrap_or_default()
+        self.levels.get(..usize::from(self.filters)).unwrap_or_default()
     }
 }
 

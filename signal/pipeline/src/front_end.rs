@@ -54,10 +54,7 @@ impl<'r, F: Filter, const PHASES: usize, const TAPS: usize> FrontEnd<'r, F, PHAS
     #[inline]
     pub fn filter_sample(&mut self, sample: &Sample) -> Option<(Electrodes, usize)> {
         debug_assert!(
-            sample
-                .counts
-                .iter()
-                .all(|count| (-Sample::MAX - 1..=Sample::MAX).contains(count)),
+            sample.counts.iter().all(|count| (-Sample::MAX - 1..=Sample::MAX).contains(count)),
             "the filters' head room is proven for counts of 24 bits only"
         );
         for (waiting, &count) in self.waiting.iter_mut().zip(&sample.counts) {
@@ -76,8 +73,7 @@ impl<'r, F: Filter, const PHASES: usize, const TAPS: usize> FrontEnd<'r, F, PHAS
         // `count` is at most `BLOCK`; `min` lets the compiler drop the bounds checks.
         let count = self.count.min(BLOCK);
         if count == BLOCK {
-            self.filter
-                .apply_blocks(&mut self.states, &mut self.waiting);
+            self.filter.apply_blocks(&mut self.states, &mut self.waiting);
         } else {
             for (state, waiting) in self.states.iter_mut().zip(&mut self.waiting) {
                 for x in &mut waiting[..count] {
@@ -87,8 +83,7 @@ impl<'r, F: Filter, const PHASES: usize, const TAPS: usize> FrontEnd<'r, F, PHAS
         }
         // Skip samples that newer ones of this block would push out of the delay line.
         for index in count.saturating_sub(TAPS)..count {
-            self.line
-                .push(self.waiting.iter().map(|block| block[index % BLOCK]));
+            self.line.push(self.waiting.iter().map(|block| block[index % BLOCK]));
         }
         self.count = 0;
     }
@@ -156,9 +151,7 @@ mod tests {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             state.cast_signed() >> 8
         };
-        let sample = |_| Sample {
-            counts: core::array::from_fn(|_| next()),
-        };
+        let sample = |_| Sample { counts: core::array::from_fn(|_| next()) };
         (0..length).map(sample).collect()
     }
 
@@ -193,10 +186,7 @@ mod tests {
         // Two outputs for five samples. The weights of the two newest samples are 1 and 1/2 in
         // phase 0, and 1/4 and 1/8 in phase 1.
         let unity = Resampler::<1, 1>::UNITY;
-        let resampler = Resampler {
-            down: 5,
-            taps: [[unity, unity / 2], [unity / 4, unity / 8]],
-        };
+        let resampler = Resampler { down: 5, taps: [[unity, unity / 2], [unity / 4, unity / 8]] };
         let samples = noise(100);
         let every = Resampler::every(1);
         let mut sample_by_sample = FrontEnd::new(Mains::Hz50, &every);
@@ -204,9 +194,7 @@ mod tests {
         let mut before = [0; ELECTRODES];
         let mut phases = Vec::new();
         for sample in &samples {
-            let (filtered, _) = sample_by_sample
-                .filter_sample(sample)
-                .expect("one for each");
+            let (filtered, _) = sample_by_sample.filter_sample(sample).expect("one for each");
             if let Some((electrodes, phase)) = front_end.filter_sample(sample) {
                 for (electrode, &y) in electrodes.iter().enumerate() {
                     let scaled =

@@ -31,10 +31,7 @@ impl PackedEncoder {
 
     /// Creates an encoder with the built-in model.
     pub const fn new() -> Self {
-        Self {
-            memory: PackedMemory::EMPTY,
-            rate: Self::DEFAULT_RATE,
-        }
+        Self { memory: PackedMemory::EMPTY, rate: Self::DEFAULT_RATE }
     }
 
     /// Resets the encoder in place: the next step is the first of a stream.
@@ -72,10 +69,7 @@ const _: () = assert!(HOP > 0);
 pub const MAX_PACKED_BYTES: usize = 118;
 
 /// One block of the packed code, with its position in the stream and its status.
-#[expect(
-    clippy::struct_excessive_bools,
-    reason = "each of them can be true with any other"
-)]
+#[expect(clippy::struct_excessive_bools, reason = "each of them can be true with any other")]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PackedCode {
     /// Index of the block in the run, from 0; wraps. Block `n` covers the steps from `n * HOP` on.
@@ -107,9 +101,7 @@ pub struct PackedCode {
 impl PackedCode {
     /// Returns the bytes of the block, at most [`MAX_PACKED_BYTES`].
     pub fn bytes(&self) -> &[u8] {
-        self.buffer
-            .get(..usize::from(self.length))
-            .unwrap_or_default()
+        self.buffer.get(..usize::from(self.length)).unwrap_or_default()
     }
 }
 
@@ -363,11 +355,7 @@ impl PackedMemory {
     /// Prepares each magnitude's context for the range coder, for a block with this header.
     #[inline(never)]
     fn prepare_contexts(&mut self, header: Header, packed: &Packed<'_>) {
-        let levels = if header.is_reset {
-            packed.reset_levels
-        } else {
-            packed.predicted_levels
-        };
+        let levels = if header.is_reset { packed.reset_levels } else { packed.predicted_levels };
         packed::prepare_contexts(levels, header.rate, &mut self.contexts);
     }
 

@@ -105,19 +105,11 @@ struct OutputSums {
 }
 
 impl InputSums {
-    const ZERO: Self = Self {
-        smallest: 0,
-        largest: 0,
-        at_rail: 0,
-        mains: Tone::ZERO,
-    };
+    const ZERO: Self = Self { smallest: 0, largest: 0, at_rail: 0, mains: Tone::ZERO };
 }
 
 impl OutputSums {
-    const ZERO: Self = Self {
-        squares: 0.0,
-        mains: Tone::ZERO,
-    };
+    const ZERO: Self = Self { squares: 0.0, mains: Tone::ZERO };
 }
 
 /// Returns the DFT bins of a mains frequency at the ADC's rate and at the step rate.
@@ -181,11 +173,7 @@ impl SignalQuality {
         self.samples += 1;
         for (input, &count) in self.inputs.iter_mut().zip(&sample.counts) {
             if is_first {
-                *input = InputSums {
-                    smallest: count,
-                    largest: count,
-                    ..InputSums::ZERO
-                };
+                *input = InputSums { smallest: count, largest: count, ..InputSums::ZERO };
             }
             input.smallest = input.smallest.min(count);
             input.largest = input.largest.max(count);
@@ -218,19 +206,12 @@ impl SignalQuality {
                 flat: approximate(input.largest - input.smallest) * UV_PER_COUNT < FLAT_BELOW_UV,
             }
         });
-        Quality {
-            first_sample: self.first_sample,
-            settling: self.settling,
-            electrodes,
-        }
+        Quality { first_sample: self.first_sample, settling: self.settling, electrodes }
     }
 }
 
 /// Converts to the nearest f32; exact up to 2^24, and so for counts and their differences.
-#[expect(
-    clippy::cast_precision_loss,
-    reason = "24 bits suffice for these figures"
-)]
+#[expect(clippy::cast_precision_loss, reason = "24 bits suffice for these figures")]
 fn approximate(x: i32) -> f32 {
     x as f32
 }

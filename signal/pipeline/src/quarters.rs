@@ -20,10 +20,7 @@ const UNIT_NV: f64 = 250.0;
 const FILTERED_NV: f64 = LSB_NV as f64 / (1_u32 << GUARD_BITS) as f64;
 
 /// Factor from a filtered electrode to quarters of a microvolt, Q0.32.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "below 2^31, as the assertion checks"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "below 2^31, as the assertion checks")]
 const TO_QUARTERS: i32 = {
     let factor = FILTERED_NV / UNIT_NV;
     assert!(factor < 0.5, "the factor must fit Q0.32 with a sign");

@@ -30,9 +30,7 @@ impl Sample {
     pub fn channels_at_rail(&self) -> u64 {
         const { assert!(CHANNELS <= 64, "the mask has 64 bits") };
         // Two halves of 32 bits, because a Cortex-M needs several instructions to shift 64 bits.
-        let (low, high) = self
-            .counts
-            .split_at(if CHANNELS < 32 { CHANNELS } else { 32 });
+        let (low, high) = self.counts.split_at(if CHANNELS < 32 { CHANNELS } else { 32 });
         let [low, high] = [low, high].map(|counts| {
             let bits = counts.iter().rev().map(|&count| Self::at_rail(count));
             bits.fold(0, |rails, bit| rails << 1 | bit)
@@ -44,9 +42,7 @@ impl Sample {
 impl Default for Sample {
     /// Returns a sample of zeros.
     fn default() -> Self {
-        Self {
-            counts: [0; CHANNELS],
-        }
+        Self { counts: [0; CHANNELS] }
     }
 }
 
@@ -166,19 +162,13 @@ mod tests {
     #[test]
     fn a_plane_holds_microvolts_over_the_input_scale() {
         let uv = 100.0;
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "100 uV are 143,165 in Q27.5"
-        )]
+        #[expect(clippy::cast_possible_truncation, reason = "100 uV are 143,165 in Q27.5")]
         let x = (uv * 1_000.0 / LSB_NV * f32::from(1_u16 << GUARD_BITS)).round() as i32;
         let (plane, clipped) = quantise(&[x; ELECTRODES]);
         let q = f32::from(plane[usize::from(GRID_CELL[0])]);
         assert!((q - uv / INPUT_SCALE_UV).abs() <= 0.51, "{q}");
         assert_eq!(clipped, 0);
-        assert_eq!(
-            plane.iter().filter(|&&q| q == 0).count(),
-            CELLS - ELECTRODES
-        );
+        assert_eq!(plane.iter().filter(|&&q| q == 0).count(), CELLS - ELECTRODES);
     }
 
     #[test]

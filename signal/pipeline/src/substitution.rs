@@ -51,11 +51,7 @@ pub struct ExclusionPolicy {
 
 impl ExclusionPolicy {
     /// The device finds bad electrodes, and the host excludes and protects no electrode.
-    pub const AUTOMATIC: Self = Self {
-        always: 0,
-        never: 0,
-        automatic: true,
-    };
+    pub const AUTOMATIC: Self = Self { always: 0, never: 0, automatic: true };
 }
 
 /// Finds bad electrodes and fills them from the others, step by step.
@@ -138,9 +134,7 @@ impl Substitution {
     fn end_window(&mut self, policy: ExclusionPolicy, table: &Table<'_>) {
         if policy.automatic && !self.settling {
             let excluded = self.fill.excluded();
-            let verdict = self
-                .judge
-                .judge(&self.evidence, excluded, policy.never, table);
+            let verdict = self.judge.judge(&self.evidence, excluded, policy.never, table);
             self.fill.readmit(verdict.recovered & !policy.always);
             self.exclude(verdict.bad, table);
         }

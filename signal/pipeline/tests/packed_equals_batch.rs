@@ -48,23 +48,17 @@ impl Reference {
         let multiplier = (unit / self.model.description.unit_uv * 2_f64.powi(32)).round() as i32;
         let limit = i32::from(self.model.description.input_limit);
         let mut clipped = 0;
-        let values = steps
-            .iter()
-            .flat_map(|step| step.electrodes)
-            .map(|electrode| {
-                let value = requantise(electrode, multiplier);
-                clipped += u16::from(value.abs() > limit);
-                i16::try_from(value.clamp(-limit, limit)).expect("limited")
-            });
+        let values = steps.iter().flat_map(|step| step.electrodes).map(|electrode| {
+            let value = requantise(electrode, multiplier);
+            clipped += u16::from(value.abs() > limit);
+            i16::try_from(value.clamp(-limit, limit)).expect("limited")
+        });
         let values: Vec<i16> = values.collect();
         let coefficients = self.model.analyse(&values);
         let is_misfit = self.is_misfit(&values, &coefficients);
         let is_reset = self.blocks.is_multiple_of(64);
-        self.state = if is_reset {
-            vec![0; coefficients.len()]
-        } else {
-            self.model.predict(&self.state)
-        };
+        self.state =
+            if is_reset { vec![0; coefficients.len()] } else { self.model.predict(&self.state) };
         let residual: Vec<i32> = coefficients
             .iter()
             .zip(&self.state)
@@ -86,13 +80,7 @@ impl Reference {
         packed::update_state(&magnitudes, rate, &mut self.state);
         self.blocks += 1;
         self.coarser = rate != announced;
-        Block {
-            bytes,
-            clipped,
-            is_reset,
-            is_blank,
-            is_misfit,
-        }
+        Block { bytes, clipped, is_reset, is_blank, is_misfit }
     }
 
     /// Returns whether the energy that the coefficients do not represent exceeds the sum of the
@@ -106,10 +94,7 @@ impl Reference {
         // The encoder compares integers, so the limits are rounded down; a block exactly at the
         // limit is no misfit.
         let permitted = permitted.floor() + (energy(values) / 64.0).floor();
-        assert!(
-            description.weight.is_none(),
-            "probes are tested in the crate device"
-        );
+        assert!(description.weight.is_none(), "probes are tested in the crate device");
         energy(values) - energy(coefficients) > permitted
     }
 
@@ -122,40 +107,20 @@ impl Reference {
         is_reset: bool,
         residual: Option<&[i32]>,
     ) -> (Vec<u8>, Vec<Magnitude>) {
-        let levels = if is_reset {
-            &self.model.reset_levels
-        } else {
-            &self.model.predicted_levels
-        };
+        let levels = if is_reset { &self.model.reset_levels } else { &self.model.predicted_levels };
         let mut contexts = vec![Context::EMPTY; levels.len()];
         packed::prepare_contexts(levels, rate, &mut contexts);
         let costs = self.model.costs();
-        let tables = Tables {
-            starts: &self.model.starts,
-            costs: &costs,
-        };
+        let tables = Tables { starts: &self.model.starts, costs: &costs };
         let mut magnitudes = vec![Magnitude::ZERO; levels.len()];
         let mut survivors = vec![0; levels.len()];
         if let Some(residual) = residual {
-            packed::quantise(
-                residual,
-                &contexts,
-                &tables,
-                rate,
-                &mut survivors,
-                &mut magnitudes,
-            );
+            packed::quantise(residual, &contexts, &tables, rate, &mut survivors, &mut magnitudes);
         }
         let mut bytes = vec![0; 4_096];
         let header = Header { rate, is_reset };
-        let length = packed::write_block(
-            header,
-            announced,
-            &magnitudes,
-            &contexts,
-            &tables,
-            &mut bytes,
-        );
+        let length =
+            packed::write_block(header, announced, &magnitudes, &contexts, &tables, &mut bytes);
         bytes.truncate(length);
         (bytes, magnitudes)
     }
@@ -179,12 +144,7 @@ fn assert_equal_on(steps: &[Step], rate: Rate) -> Seen {
         assert!(steps.iter().all(|step| encoder.encode_step(step).is_none()));
         return Seen::default();
     };
-    let mut reference = Reference {
-        model,
-        state: Vec::new(),
-        blocks: 0,
-        coarser: false,
-    };
+    let mut reference = Reference { model, state: Vec::new(), blocks: 0, coarser: false };
     let mut seen = Seen::default();
     for (number, hop) in steps.chunks_exact(HOP).enumerate() {
         let codes: Vec<_> = hop.iter().map(|step| encoder.encode_step(step)).collect();
@@ -202,11 +162,7 @@ fn assert_equal_on(steps: &[Step], rate: Rate) -> Seen {
         seen.blank += usize::from(ours.is_blank);
         seen.misfit += usize::from(ours.is_misfit);
         seen.coarser += usize::from(reference.coarser);
-        assert_eq!(
-            encoder.state(),
-            reference.state,
-            "state after block {number}"
-        );
+        assert_eq!(encoder.state(), reference.state, "state after block {number}");
         assert_eq!((code.block as usize, code.rate), (number, rate.index()));
     }
     seen
@@ -229,17 +185,11 @@ fn silence_rails_impulses_and_slow_waves_have_the_references_blocks() {
     assert_equal_on(&steps(count, |_, _| 0), rate);
     assert_equal_on(&steps(8 * HOP, |_, _| i32::MAX), rate);
     assert_equal_on(
-        &steps(
-            8 * HOP,
-            |step, _| if step % 3 == 0 { i32::MIN } else { i32::MAX },
-        ),
+        &steps(8 * HOP, |step, _| if step % 3 == 0 { i32::MIN } else { i32::MAX }),
         rate,
     );
     assert_equal_on(
-        &steps(
-            count,
-            |step, electrode| if step % 37 == electrode { 1 << 20 } else { 0 },
-        ),
+        &steps(count, |step, electrode| if step % 37 == electrode { 1 << 20 } else { 0 }),
         rate,
     );
     let wave = |step: usize, electrode: usize| {
@@ -266,12 +216,8 @@ fn noise_of_any_size_has_the_references_blocks_among_them_coarser_and_blank_ones
     // In Q27.5, full scale is 2^28, and 2 mV, where input values are clipped, is about 2^21.5.
     for shift in [3, 8, 9, 10, 11, 13, 15] {
         let mut next = noise(shift);
-        let signal: Vec<i32> = (0..20 * HOP * ELECTRODES)
-            .map(|_| next() >> shift)
-            .collect();
-        let steps = steps(20 * HOP, |step, electrode| {
-            signal[step * ELECTRODES + electrode]
-        });
+        let signal: Vec<i32> = (0..20 * HOP * ELECTRODES).map(|_| next() >> shift).collect();
+        let steps = steps(20 * HOP, |step, electrode| signal[step * ELECTRODES + electrode]);
         for rate in [0, 4] {
             let of_this = assert_equal_on(&steps, Rate::new(rate).expect("a rate"));
             seen.blank += of_this.blank;
@@ -298,10 +244,7 @@ fn one_electrode_with_noise_is_a_misfit_from_the_size_that_the_model_permits() {
     if is_built_in() {
         assert!(by_size.is_sorted(), "{by_size:?}");
         assert_eq!((by_size[0], by_size[15]), (0, 20), "{by_size:?}");
-        assert!(
-            by_size.iter().any(|count| (1..20).contains(count)),
-            "{by_size:?}"
-        );
+        assert!(by_size.iter().any(|count| (1..20).contains(count)), "{by_size:?}");
     }
 }
 
@@ -312,10 +255,7 @@ fn a_restarted_encoder_equals_a_new_one() {
         a * b % 90_001 - 45_000
     });
     let blocks = |encoder: &mut PackedEncoder| -> Vec<_> {
-        noise
-            .iter()
-            .filter_map(|step| encoder.encode_step(step))
-            .collect()
+        noise.iter().filter_map(|step| encoder.encode_step(step)).collect()
     };
     let expected = blocks(&mut PackedEncoder::new());
     let mut encoder = PackedEncoder::new();

@@ -30,10 +30,7 @@ fn assert_equal_on(
 ) {
     let mut codes = 0;
     for (index, plane) in planes.iter().enumerate() {
-        let code = encoder.encode_step(&Step {
-            plane: *plane,
-            ..Step::default()
-        });
+        let code = encoder.encode_step(&Step { plane: *plane, ..Step::default() });
         let due = index + 1 >= STEPS && (index + 1 - STEPS).is_multiple_of(hop);
         assert_eq!(code.is_some(), due, "step {index}");
         let Some(code) = code else { continue };
@@ -48,9 +45,7 @@ fn assert_equal_on(
 }
 
 fn stream(value: impl Fn(usize, usize) -> i8) -> Vec<Plane> {
-    (0..2 * STEPS + 8)
-        .map(|step| std::array::from_fn(|cell| value(step, cell)))
-        .collect()
+    (0..2 * STEPS + 8).map(|step| std::array::from_fn(|cell| value(step, cell))).collect()
 }
 
 fn planes() -> impl Strategy<Value = Vec<Plane>> {
@@ -65,16 +60,8 @@ fn zeros_rails_and_impulses_have_the_reference_s_codes() {
     check(&stream(|_, _| 0));
     check(&stream(|_, _| 127));
     check(&stream(|_, _| -128));
-    check(&stream(
-        |step, cell| if (step + cell) % 2 == 0 { 127 } else { -128 },
-    ));
-    check(&stream(|step, cell| {
-        if (step, cell) == (20, CELLS / 2) {
-            127
-        } else {
-            0
-        }
-    }));
+    check(&stream(|step, cell| if (step + cell) % 2 == 0 { 127 } else { -128 }));
+    check(&stream(|step, cell| if (step, cell) == (20, CELLS / 2) { 127 } else { 0 }));
 }
 
 #[test]
@@ -104,11 +91,7 @@ impl Noise {
 
     fn bytes(&mut self, length: usize) -> Vec<i8> {
         (0..length)
-            .map(|_| {
-                i8::try_from(self.next() >> 24)
-                    .expect("the top byte")
-                    .max(-127)
-            })
+            .map(|_| i8::try_from(self.next() >> 24).expect("the top byte").max(-127))
             .collect()
     }
 
@@ -166,9 +149,7 @@ const NONE: [i32; CODE] = [0; CODE];
 
 /// Converts a slice to an array of the length that the shapes require.
 fn exactly<T, const LENGTH: usize>(values: &[T]) -> &[T; LENGTH] {
-    values
-        .try_into()
-        .expect("the length that the shapes require")
+    values.try_into().expect("the length that the shapes require")
 }
 
 impl Packed {
@@ -234,10 +215,7 @@ proptest! {
 
 #[test]
 fn the_state_has_the_size_in_the_manifest() {
-    let parts: usize = parts(&BUILT_IN, model::HOP)
-        .iter()
-        .map(|part| part.ram_bytes)
-        .sum();
+    let parts: usize = parts(&BUILT_IN, model::HOP).iter().map(|part| part.ram_bytes).sum();
     // In addition to these parts, the encoder has the status of the windows, the indices of the
     // rings, and padding for alignment.
     let rest = size_of::<Encoder<'_>>() - parts;
@@ -257,22 +235,14 @@ fn a_change_of_weights_in_any_layer_changes_the_codes() {
     };
     let unchanged = code(|_| {});
     assert!(
-        unchanged
-            .values
-            .iter()
-            .filter(|q| q.unsigned_abs() < 127)
-            .count()
-            > CODE / 4,
+        unchanged.values.iter().filter(|q| q.unsigned_abs() < 127).count() > CODE / 4,
         "codes within their range"
     );
     if HAS_CONVOLUTIONS {
         let flat = POOLED_STEPS * POOLED.len();
         assert_ne!(unchanged, code(|m| m.conv1.weights[..108].reverse()));
         assert_ne!(unchanged, code(|m| m.conv2.multipliers[..8].reverse()));
-        assert_ne!(
-            unchanged,
-            code(|m| m.conv2.weights.iter_mut().take(432).for_each(|w| *w = 1))
-        );
+        assert_ne!(unchanged, code(|m| m.conv2.weights.iter_mut().take(432).for_each(|w| *w = 1)));
         let mut changed = model.clone();
         changed.fc.weights[..flat].reverse();
         assert_ne!(unchanged, changed.encode_window(&window));

@@ -53,12 +53,8 @@ impl Browser {
             std::thread::sleep(POLL);
         }
         // Run without sandbox, because root cannot use it; the only page shown is the project's.
-        let arguments = [
-            "--headless=new",
-            "--no-sandbox",
-            "--disable-dev-shm-usage",
-            "--hide-scrollbars",
-        ];
+        let arguments =
+            ["--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--hide-scrollbars"];
         let wanted = json!({"capabilities": {"alwaysMatch": {
             "timeouts": {"script": SCRIPT_TIMEOUT.as_millis()},
             "goog:loggingPrefs": {"browser": "ALL"},
@@ -66,11 +62,7 @@ impl Browser {
         }}});
         let session = exchange(port, "POST", "/session", Some(&wanted)).expect("a session");
         let session = session["sessionId"].as_str().expect("its id").to_owned();
-        let browser = Browser {
-            port,
-            session,
-            _driver: driver,
-        };
+        let browser = Browser { port, session, _driver: driver };
         browser.resize(SIZE);
         Some(browser)
     }
@@ -122,9 +114,7 @@ impl Browser {
     pub fn type_keys(&self, selector: &str, keys: &str) {
         let using = json!({"using": "css selector", "value": selector});
         let element = self.post("element", &using);
-        let id = element
-            .as_object()
-            .and_then(|element| element.values().next());
+        let id = element.as_object().and_then(|element| element.values().next());
         let id = id.and_then(Value::as_str).expect("an element");
         self.post(&format!("element/{id}/value"), &json!({"text": keys}));
     }
@@ -140,10 +130,7 @@ impl Browser {
             if found.starts_with(text) {
                 return;
             }
-            assert!(
-                Instant::now() < end,
-                "{selector}: {found:?} instead of {text:?}"
-            );
+            assert!(Instant::now() < end, "{selector}: {found:?} instead of {text:?}");
             std::thread::sleep(POLL);
         }
     }
@@ -152,10 +139,7 @@ impl Browser {
     pub fn prefer_dark(&self, dark: bool) {
         let value = if dark { "dark" } else { "light" };
         let feature = json!({"name": "prefers-color-scheme", "value": value});
-        self.tell(
-            "Emulation.setEmulatedMedia",
-            &json!({"features": [feature]}),
-        );
+        self.tell("Emulation.setEmulatedMedia", &json!({"features": [feature]}));
     }
 
     /// Writes a picture of the page to a WebP file, which takes a sixth of a PNG's bytes.
@@ -194,12 +178,7 @@ impl Browser {
 impl Drop for Browser {
     fn drop(&mut self) {
         // Ends the browser; the driver is killed when its process is dropped.
-        let _ = exchange(
-            self.port,
-            "DELETE",
-            &format!("/session/{}", self.session),
-            None,
-        );
+        let _ = exchange(self.port, "DELETE", &format!("/session/{}", self.session), None);
     }
 }
 
@@ -216,11 +195,7 @@ fn exchange(port: u16, method: &str, path: &str, body: Option<&Value>) -> io::Re
     let mut answer = BufReader::new(stream);
     let (mut head, mut length) = (String::new(), 0);
     while !head.ends_with("\r\n\r\n") && answer.read_line(&mut head)? > 0 {
-        let line = head
-            .lines()
-            .next_back()
-            .unwrap_or_default()
-            .to_ascii_lowercase();
+        let line = head.lines().next_back().unwrap_or_default().to_ascii_lowercase();
         if let Some(number) = line.strip_prefix("content-length:") {
             length = number.trim().parse().map_err(io::Error::other)?;
         }

@@ -14,14 +14,8 @@ use crate::workspace;
 const NEEDED: [(&str, &str); 5] = [
     ("/usr/bin/catkin_make", "catkin"),
     ("/usr/bin/rosrun", "rosbash"),
-    (
-        "/usr/share/message_generation/package.xml",
-        "ros-message-generation",
-    ),
-    (
-        "/usr/share/message_runtime/package.xml",
-        "ros-message-runtime",
-    ),
+    ("/usr/share/message_generation/package.xml", "ros-message-generation"),
+    ("/usr/share/message_runtime/package.xml", "ros-message-runtime"),
     ("/usr/share/std_msgs/msg/Header.msg", "ros-std-msgs"),
 ];
 
@@ -83,10 +77,7 @@ impl CatkinWorkspace {
             Some(below) => below.command(ros, "devel", "catkin_make"),
             None => ros.command("catkin_make"),
         };
-        make.current_dir(&self.folder)
-            .args(arguments)
-            .output()
-            .expect("catkin_make starts")
+        make.current_dir(&self.folder).args(arguments).output().expect("catkin_make starts")
     }
 
     /// Returns a command that runs `program` in the environment that this workspace's script

@@ -165,13 +165,7 @@ impl<'a> Chain<'a> {
         let mut record = ros.command("rosbag");
         record.args(["record", "--output-name=run.bag", "/encoded"]);
         let recorder = Process::start("recorder", &mut record, folder).expect("rosbag starts");
-        let mut chain = Self {
-            ros,
-            folder,
-            bridge,
-            subscriber,
-            recorder,
-        };
+        let mut chain = Self { ros, folder, bridge, subscriber, recorder };
         chain.wait_until_connected();
         chain
     }
@@ -275,11 +269,7 @@ pub fn assert_continuous(messages: &[Message]) {
 pub fn messages_of(subscriber: &Process) -> Vec<Message> {
     let output = subscriber.output();
     let complete = output.rfind('\n').map_or("", |end| &output[..end]);
-    complete
-        .lines()
-        .skip(1)
-        .map(|line| serde_json::from_str(line).expect("a message"))
-        .collect()
+    complete.lines().skip(1).map(|line| serde_json::from_str(line).expect("a message")).collect()
 }
 
 fn port(folder: &Path) -> PathBuf {
@@ -294,13 +284,9 @@ fn subscribe(ros: &Ros<'_>, folder: &Path, name: &str, topic: &str) -> Process {
     let mut python = ros.command("python3");
     python.arg(script).arg(topic);
     let mut subscriber = Process::start(name, &mut python, folder).expect("python3 starts");
-    subscriber.wait_until("rospy subscribes", TIMEOUT, |subscriber| {
-        subscriber.output().contains('\n')
-    });
+    subscriber
+        .wait_until("rospy subscribes", TIMEOUT, |subscriber| subscriber.output().contains('\n'));
     let ready = subscriber.output();
-    assert!(
-        ready.contains(NEURO_FRAME_MD5),
-        "genpy computes another MD5 sum: {ready}"
-    );
+    assert!(ready.contains(NEURO_FRAME_MD5), "genpy computes another MD5 sum: {ready}");
     subscriber
 }

@@ -49,8 +49,7 @@ pub fn start(
     pipes::feed(&folder.join(SAMPLES), paced(samples)).expect("a named pipe");
     let [cortex_m4f, _] = MACHINES;
     let mut qemu = Qemu::new(image, cortex_m4f, folder, &[IMAGE]);
-    qemu.instruction_time(INSTRUCTION_SHIFT)
-        .uart(Uart::Tcp(port));
+    qemu.instruction_time(INSTRUCTION_SHIFT).uart(Uart::Tcp(port));
     Process::start("qemu", &mut qemu.into_command(), folder).expect("QEMU starts")
 }
 

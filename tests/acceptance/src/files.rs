@@ -48,10 +48,7 @@ pub fn noise(seed: u32) -> impl FnMut() -> f32 {
     let mut state = seed;
     move || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        f32::from(i16::from_be_bytes([
-            state.to_be_bytes()[0],
-            state.to_be_bytes()[1],
-        ])) / 32_768.0
+        f32::from(i16::from_be_bytes([state.to_be_bytes()[0], state.to_be_bytes()[1]])) / 32_768.0
     }
 }
 

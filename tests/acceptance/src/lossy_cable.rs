@@ -34,10 +34,7 @@ impl LossyCable {
         let unplugged = Arc::<AtomicBool>::default();
         let is_unplugged = Arc::clone(&unplugged);
         thread::spawn(move || pass_on(board, &listener, percent, &is_unplugged));
-        Ok(Self {
-            port: format!("tcp:{address}"),
-            unplugged,
-        })
+        Ok(Self { port: format!("tcp:{address}"), unplugged })
     }
 
     /// Closes the host's connection and discards the board's bytes until [`Self::plug`] is called.
@@ -99,9 +96,7 @@ fn pass_on(
             }
             // A linear congruential generator with Knuth's multiplier decides by its upper bits
             // which frames are lost, because its lower bits repeat after short periods.
-            random = random
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1);
+            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
             let is_lost = (random >> 33) % 100 < percent;
             if let (Some(host), false) = (&mut host, is_lost) {
                 // Ignore the error that occurs when the host has closed the connection.

@@ -53,10 +53,7 @@ impl LslRecording {
     pub fn read(folder: &Path) -> Self {
         let recorded = fs::read_to_string(folder.join("recorded.json")).expect("a recording");
         let described = serde_json::from_str(&recorded).expect("JSON");
-        Self {
-            folder: folder.to_owned(),
-            described,
-        }
+        Self { folder: folder.to_owned(), described }
     }
 
     /// Reads the samples of `stream`.
@@ -69,11 +66,7 @@ impl LslRecording {
         let times = read(&self.folder, &format!("{stream}.f64"), f64::from_le_bytes);
         let values = read(&self.folder, &format!("{stream}.f32"), f32::from_le_bytes);
         assert_eq!(values.len(), times.len() * channels, "{stream}");
-        LslSignal {
-            times,
-            values,
-            channels,
-        }
+        LslSignal { times, values, channels }
     }
 
     /// Returns time and text of each marker of the stream `events`.
@@ -84,9 +77,7 @@ impl LslRecording {
         let markers = &self.described["streams"]["events"]["markers"];
         let markers = markers.as_array().expect("markers").iter();
         let marker = |of: &Value| Some((of[0].as_f64()?, of[1].as_str()?.to_owned()));
-        markers
-            .map(|of| marker(of).expect("time and text"))
-            .collect()
+        markers.map(|of| marker(of).expect("time and text")).collect()
     }
 }
 

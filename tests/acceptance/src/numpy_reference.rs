@@ -100,9 +100,7 @@ pub fn array(archive: &Path, name: &str) -> Result<Vec<f64>, NumpyError> {
 /// When Python does not start or the program fails.
 pub fn run(script: impl AsRef<Path>, folder: &Path) -> Result<(), NumpyError> {
     let script = script.as_ref();
-    let path = workspace::root()
-        .join("tests/acceptance/tests/it")
-        .join(script);
+    let path = workspace::root().join("tests/acceptance/tests/it").join(script);
     let mut python = Command::new(PYTHON);
     let printed = output(python.arg(path).arg(folder), &script.to_string_lossy())?;
     print!("{}", String::from_utf8_lossy(&printed));
@@ -127,12 +125,7 @@ fn write_model(folder: &Path, model: &IntegerModel) -> io::Result<()> {
     let parts = [model.mode.has_convolutions(), model.mode.has_shortcut()];
     write(folder, "parts", parts.map(u8::from))?;
     let lengths = |lengths: [usize; 3]| lengths.map(|n| u8::try_from(n).expect("a grid's length"));
-    let Dimensions {
-        steps,
-        rows,
-        columns,
-        ..
-    } = geometry.dimensions;
+    let Dimensions { steps, rows, columns, .. } = geometry.dimensions;
     write(folder, "window", lengths([steps, rows, columns]))?;
     write(folder, "pads", lengths(geometry.padding.pads()))?;
     write(folder, "pool", lengths(geometry.pool))?;

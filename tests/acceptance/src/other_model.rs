@@ -80,23 +80,13 @@ impl OtherModel {
     pub fn test(&self, target: &str, filter: &str) {
         let is_of_target = |test: &&PathBuf| {
             let name = test.file_name().and_then(|name| name.to_str());
-            name.is_some_and(|name| {
-                name.rsplit_once('-')
-                    .is_some_and(|(name, _)| name == target)
-            })
+            name.is_some_and(|name| name.rsplit_once('-').is_some_and(|(name, _)| name == target))
         };
         let tests = self.tests.iter().filter(is_of_target);
-        let printed: String = tests
-            .map(|test| succeed(Command::new(test).arg(filter)))
-            .collect();
-        let results = printed
-            .lines()
-            .filter_map(|line| line.strip_prefix("test "));
+        let printed: String = tests.map(|test| succeed(Command::new(test).arg(filter))).collect();
+        let results = printed.lines().filter_map(|line| line.strip_prefix("test "));
         let passed = results.filter(|result| result.ends_with("... ok")).count();
-        assert!(
-            passed > 0,
-            "no test of {target} has {filter:?} in its name: {printed}"
-        );
+        assert!(passed > 0, "no test of {target} has {filter:?} in its name: {printed}");
     }
 }
 
@@ -126,10 +116,7 @@ pub fn environment() -> [(&'static str, PathBuf); 2] {
     let this = env::current_exe().expect("this program has a path");
     let profile = this.ancestors().nth(2).expect("target/profile/deps/test");
     let target = profile.parent().expect("a target folder");
-    [
-        ("CARGO_BUILD_BUILD_DIR", target.to_owned()),
-        ("CARGO_TARGET_DIR", target.join("variants")),
-    ]
+    [("CARGO_BUILD_BUILD_DIR", target.to_owned()), ("CARGO_TARGET_DIR", target.join("variants"))]
 }
 
 /// Returns cargo's options that give the crates that depend on the model a profile of their own.

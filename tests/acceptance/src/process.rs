@@ -41,12 +41,7 @@ impl Process {
             .stderr(File::create(&errors)?)
             .process_group(0)
             .spawn()?;
-        Ok(Self {
-            name: name.to_owned(),
-            child,
-            output,
-            errors,
-        })
+        Ok(Self { name: name.to_owned(), child, output, errors })
     }
 
     /// Returns the program's standard output so far.
@@ -130,17 +125,8 @@ impl Process {
     ) {
         let end = Instant::now() + timeout;
         while !condition(self) {
-            assert!(
-                self.is_running(),
-                "`{}` ended before {what}:\n{}",
-                self.name,
-                self.log()
-            );
-            assert!(
-                Instant::now() < end,
-                "{what}: not within {timeout:?}:\n{}",
-                self.log()
-            );
+            assert!(self.is_running(), "`{}` ended before {what}:\n{}", self.name, self.log());
+            assert!(Instant::now() < end, "{what}: not within {timeout:?}:\n{}", self.log());
             std::thread::sleep(POLL);
         }
     }
@@ -148,12 +134,7 @@ impl Process {
     /// Returns the last lines of the program's output and errors, for a test's message.
     pub fn log(&self) -> String {
         let (output, errors) = (self.output(), self.errors());
-        format!(
-            "--- {} output\n{}\n--- {} errors\n{errors}",
-            self.name,
-            tail(&output),
-            self.name
-        )
+        format!("--- {} output\n{}\n--- {} errors\n{errors}", self.name, tail(&output), self.name)
     }
 
     /// Sends the Unix signal `signal` to the program's group.
@@ -191,12 +172,7 @@ fn descendants(root: u32) -> Vec<u32> {
     let mut found = vec![root];
     let mut next = 0;
     while let Some(parent) = found.get(next).copied() {
-        found.extend(
-            parents
-                .iter()
-                .filter(|(_, of)| *of == parent)
-                .map(|(pid, _)| pid),
-        );
+        found.extend(parents.iter().filter(|(_, of)| *of == parent).map(|(pid, _)| pid));
         next += 1;
     }
     found.split_off(1)
@@ -219,10 +195,7 @@ fn pid_of(id: u32) -> Option<Pid> {
 fn tail(text: &str) -> String {
     let lines: Vec<&str> = text.lines().collect();
     let last = lines.len().saturating_sub(20);
-    lines[last..]
-        .iter()
-        .map(|line| line.chars().take(400).collect::<String>() + "\n")
-        .collect()
+    lines[last..].iter().map(|line| line.chars().take(400).collect::<String>() + "\n").collect()
 }
 
 #[cfg(test)]
@@ -244,13 +217,9 @@ mod tests {
     fn dropping_a_process_kills_its_children() {
         let folder = tempfile::tempdir().expect("a folder");
         // The shell's child gets a session of its own, as the master that roscore starts does.
-        let mut process = shell(
-            "setsid sleep 600 & sleep 0.2; pgrep -P $$ sleep; wait",
-            folder.path(),
-        );
-        process.wait_until("the child's id", TIMEOUT, |process| {
-            process.output().ends_with('\n')
-        });
+        let mut process =
+            shell("setsid sleep 600 & sleep 0.2; pgrep -P $$ sleep; wait", folder.path());
+        process.wait_until("the child's id", TIMEOUT, |process| process.output().ends_with('\n'));
         let child: i32 = process.output().trim().parse().expect("an id");
         assert!(runs(child));
         drop(process);
@@ -266,9 +235,6 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let mut process = shell("echo out; echo err >&2; exit 3", folder.path());
         assert_eq!(process.wait(TIMEOUT).code(), Some(3));
-        assert_eq!(
-            (process.output().as_str(), process.errors().as_str()),
-            ("out\n", "err\n")
-        );
+        assert_eq!((process.output().as_str(), process.errors().as_str()), ("out\n", "err\n"));
     }
 }

@@ -69,10 +69,7 @@ pub fn trainer(what: &str) -> Option<PathBuf> {
     });
     let path = folder?.join("trainer");
     if !path.exists() {
-        skip_unless_required(
-            what,
-            "no trainer; `cargo build --package trainer` builds it",
-        );
+        skip_unless_required(what, "no trainer; `cargo build --package trainer` builds it");
         return None;
     }
     Some(path)
@@ -85,7 +82,5 @@ fn executable(messages: &str, name: &str) -> PathBuf {
         let is_it = message["target"]["name"] == name;
         is_it.then(|| message["executable"].as_str().map(PathBuf::from))?
     });
-    built
-        .next_back()
-        .unwrap_or_else(|| panic!("cargo built no `{name}`"))
+    built.next_back().unwrap_or_else(|| panic!("cargo built no `{name}`"))
 }

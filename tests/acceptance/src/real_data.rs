@@ -25,18 +25,11 @@ pub const EDF_R12: &str = "eegmmidb_S001/S001R12.edf";
 pub fn path(test: &str, file: &str) -> Option<PathBuf> {
     let Some(folder) = std::env::var_os("CORTICODE_DATA").filter(|folder| !folder.is_empty())
     else {
-        skipped(
-            test,
-            format!("CORTICODE_DATA is not set; it names the folder that has {file}"),
-        );
+        skipped(test, format!("CORTICODE_DATA is not set; it names the folder that has {file}"));
         return None;
     };
     let path = PathBuf::from(folder).join(file);
-    assert!(
-        path.exists(),
-        "CORTICODE_DATA is set, but {} does not exist",
-        path.display()
-    );
+    assert!(path.exists(), "CORTICODE_DATA is set, but {} does not exist", path.display());
     Some(path)
 }
 
@@ -50,9 +43,7 @@ pub fn samples(path: &Path, electrodes: &[&str]) -> impl Iterator<Item = Sample>
     let map = MontageMap::new(&recording.labels(), electrodes, Missing::Interpolate);
     let map = map.expect("electrodes that can be interpolated");
     let adc = VirtualAdc::new(recording, &map, AdcSpec::ads1299(512)).expect("samples");
-    adc.map(|counts| Sample {
-        counts: counts.expect("a whole recording"),
-    })
+    adc.map(|counts| Sample { counts: counts.expect("a whole recording") })
 }
 
 /// Returns the labels of those `electrodes` that the recording lacks, which are interpolated.

@@ -62,12 +62,7 @@ impl<'a> Ros<'a> {
         ros_messages::generate(folder);
         let port = free_port()?;
         let core = start_core(port, folder, 0)?;
-        Ok(Self {
-            port,
-            folder,
-            core,
-            starts: 1,
-        })
+        Ok(Self { port, folder, core, starts: 1 })
     }
 
     /// Like [`Self::start`], but starts the ROS master of `corticode-bridge`, the program at the
@@ -82,15 +77,8 @@ impl<'a> Ros<'a> {
         let mut master = Command::new(bridge);
         master.args(["master", "--bind", &address.to_string()]);
         let mut core = Process::start("master", &mut master, folder)?;
-        core.wait_until("the master listens", TIMEOUT, |_| {
-            TcpStream::connect(address).is_ok()
-        });
-        Ok(Self {
-            port,
-            folder,
-            core,
-            starts: 1,
-        })
+        core.wait_until("the master listens", TIMEOUT, |_| TcpStream::connect(address).is_ok());
+        Ok(Self { port, folder, core, starts: 1 })
     }
 
     /// Returns the master's address in the format of the environment variable `ROS_MASTER_URI`.
@@ -125,17 +113,11 @@ impl<'a> Ros<'a> {
     /// # Panics
     /// When the program does not start or fails.
     pub fn tool(&self, program: &str, arguments: &[&str]) -> String {
-        let output: Output = self
-            .command(program)
-            .args(arguments)
-            .output()
-            .expect("the tool starts");
+        let output: Output =
+            self.command(program).args(arguments).output().expect("the tool starts");
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
         let errors = String::from_utf8_lossy(&output.stderr);
-        assert!(
-            output.status.success(),
-            "{program} {arguments:?}: {text}\n{errors}"
-        );
+        assert!(output.status.success(), "{program} {arguments:?}: {text}\n{errors}");
         text
     }
 }

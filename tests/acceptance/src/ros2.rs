@@ -95,9 +95,7 @@ impl<'a> Ros2<'a> {
 
 /// Returns the messages of `topic` in the lines of JSON of a subscriber or a bridge.
 pub fn messages(lines: &str, topic: &str) -> Vec<Value> {
-    let lines = lines
-        .lines()
-        .filter_map(|line| serde_json::from_str(line).ok());
+    let lines = lines.lines().filter_map(|line| serde_json::from_str(line).ok());
     let lines = lines.filter(|line: &Value| line["topic"] == topic);
     lines.map(|mut line| line["message"].take()).collect()
 }
@@ -109,9 +107,7 @@ pub fn as_ros1(message: Value) -> Value {
     match message {
         Value::Array(items) => items.into_iter().map(as_ros1).collect(),
         Value::Object(fields) => {
-            let number = fields
-                .get("neuroheader")
-                .map_or(0.into(), |header| header["seq"].clone());
+            let number = fields.get("neuroheader").map_or(0.into(), |header| header["seq"].clone());
             let field = |(name, value): (String, Value)| {
                 let (name, value) = match (name.as_str(), as_ros1(value)) {
                     ("sec", value) => ("secs".to_owned(), value),

@@ -28,14 +28,8 @@ pub fn generate(folder: &Path) -> PathBuf {
             .collect();
         files.sort();
         generator(kind, &output)
-            .arg(format!(
-                "-Irosneuro_msgs:{}",
-                definitions.join("msg").display()
-            ))
-            .arg(format!(
-                "-Istd_msgs:{}",
-                root.join("host/neuro-ros/foreign/std_msgs").display()
-            ))
+            .arg(format!("-Irosneuro_msgs:{}", definitions.join("msg").display()))
+            .arg(format!("-Istd_msgs:{}", root.join("host/neuro-ros/foreign/std_msgs").display()))
             .args(files)
             .run();
         generator(kind, &output).arg("--initpy").run();

@@ -66,10 +66,7 @@ pub fn root() -> PathBuf {
 /// Cargo is missing or fails.
 pub fn cargo(arguments: &[&str]) -> Result<String, WorkspaceError> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let output = Command::new(cargo)
-        .args(arguments)
-        .current_dir(root())
-        .output()?;
+    let output = Command::new(cargo).args(arguments).current_dir(root()).output()?;
     if !output.status.success() {
         return Err(WorkspaceError::Failed {
             arguments: arguments.join(" "),
@@ -85,13 +82,8 @@ pub fn cargo(arguments: &[&str]) -> Result<String, WorkspaceError> {
 /// # Errors
 /// Cargo is missing, fails, or its output has another format.
 pub fn packages(manifest: &str) -> Result<Vec<Package>, WorkspaceError> {
-    let answer = cargo(&[
-        "metadata",
-        "--no-deps",
-        "--format-version=1",
-        "--manifest-path",
-        manifest,
-    ])?;
+    let answer =
+        cargo(&["metadata", "--no-deps", "--format-version=1", "--manifest-path", manifest])?;
     let metadata: Value = serde_json::from_str(&answer)?;
     list(&metadata, "packages")?.iter().map(package).collect()
 }
@@ -116,9 +108,7 @@ fn package(package: &Value) -> Result<Package, WorkspaceError> {
     }
     Ok(Package {
         name: text(package, "name")?.to_owned(),
-        folder: folder
-            .ok_or(WorkspaceError::Field("manifest_path"))?
-            .to_owned(),
+        folder: folder.ok_or(WorkspaceError::Field("manifest_path"))?.to_owned(),
         roots: roots.collect::<Result<_, _>>()?,
         arrows,
     })

@@ -60,10 +60,7 @@ impl Random {
     fn section(&mut self) -> Section {
         let [gain, a1, a2] = core::array::from_fn(|_| self.coefficient());
         match self.next() >> 30 {
-            0 => Section::Notch {
-                a1,
-                one_minus_b0: a2,
-            },
+            0 => Section::Notch { a1, one_minus_b0: a2 },
             1 => Section::HighPass { a1, a2 },
             2 => Section::BandPass { gain, a1, a2 },
             _ => Section::LowPass { gain, a1, a2 },
@@ -71,9 +68,7 @@ impl Random {
     }
 
     fn cascade(&mut self) -> Cascade<SECTIONS> {
-        Cascade {
-            sections: core::array::from_fn(|_| self.section()),
-        }
+        Cascade { sections: core::array::from_fn(|_| self.section()) }
     }
 }
 

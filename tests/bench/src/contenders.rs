@@ -58,10 +58,7 @@ struct Blocks {
 
 impl Default for Blocks {
     fn default() -> Self {
-        Self {
-            states: [CascadeState::REST; ELECTRODES],
-            block: SILENCE,
-        }
+        Self { states: [CascadeState::REST; ELECTRODES], block: SILENCE }
     }
 }
 
@@ -134,8 +131,7 @@ impl Contender for Resampling {
 
     fn run(&mut self) {
         for sample in 0..BLOCK {
-            self.line
-                .push(self.block.iter().map(|samples| samples[sample]));
+            self.line.push(self.block.iter().map(|samples| samples[sample]));
         }
         self.outputs = self.resampler.outputs(0, &self.line);
     }
@@ -158,11 +154,7 @@ impl Default for Acquiring {
     fn default() -> Self {
         let mut acquisition = Acquisition::new(Mains::Hz50);
         acquisition.process_sample(&Sample::default());
-        Self {
-            acquisition,
-            samples: [Sample::default(); BLOCK],
-            electrodes: [0; ELECTRODES],
-        }
+        Self { acquisition, samples: [Sample::default(); BLOCK], electrodes: [0; ELECTRODES] }
     }
 }
 

@@ -91,7 +91,5 @@ fn biquad(section: &Section) -> Section29 {
     };
     #[expect(clippy::cast_possible_truncation, reason = "|coefficient| <= 2, Q2.29")]
     let rounded = |q32: i64| Q32::from_bits(((q32 + 4) >> 3) as i32);
-    Biquad {
-        ba: q32.map(rounded),
-    }
+    Biquad { ba: q32.map(rounded) }
 }

@@ -58,11 +58,7 @@ impl Clock {
             // SAFETY: the block consists of NOPs, which touch neither memory nor registers.
             unsafe { asm!(".rept {}", "nop", ".endr", const KNOWN, options(nomem, nostack)) };
         });
-        if known == KNOWN {
-            Ok(clock)
-        } else {
-            Err(known)
-        }
+        if known == KNOWN { Ok(clock) } else { Err(known) }
     }
 
     /// Returns the number of instructions that `work` executes, without its call and return. The
@@ -78,9 +74,7 @@ impl Clock {
         compiler_fence(Ordering::SeqCst);
         let elapsed = u64::from(ticks().wrapping_sub(start));
         let instructions = (elapsed * 10 + TICKS_OF_TEN / 2) / TICKS_OF_TEN;
-        u32::try_from(instructions)
-            .unwrap_or(u32::MAX)
-            .wrapping_sub(self.overhead)
+        u32::try_from(instructions).unwrap_or(u32::MAX).wrapping_sub(self.overhead)
     }
 }
 
@@ -99,11 +93,7 @@ pub fn with_clock(work: impl FnOnce(&Clock) -> Result<(), Refused>) -> ! {
     };
     let done = work(&clock);
     if done.is_err() {
-        hprintln!(
-            "cannot read {} or cannot write {} on the host",
-            INPUTS,
-            OUTPUTS
-        );
+        hprintln!("cannot read {} or cannot write {} on the host", INPUTS, OUTPUTS);
     }
     exit(done.is_ok())
 }
@@ -128,10 +118,7 @@ impl Files {
     /// # Errors
     /// The input file does not exist, or the output file cannot be written.
     pub fn open() -> Result<Self, Refused> {
-        Ok(Self {
-            inputs: HostFile::open(INPUTS)?,
-            outputs: HostFile::create(OUTPUTS)?,
-        })
+        Ok(Self { inputs: HostFile::open(INPUTS)?, outputs: HostFile::create(OUTPUTS)? })
     }
 
     /// Reads the number of time steps in each input, with which some input files start.
@@ -141,9 +128,7 @@ impl Files {
     pub fn read_steps(&mut self) -> Result<usize, Refused> {
         let mut steps = [0; 4];
         let has_steps = self.inputs.read(&mut steps)?;
-        has_steps
-            .then_some(u32::from_le_bytes(steps) as usize)
-            .ok_or(Refused)
+        has_steps.then_some(u32::from_le_bytes(steps) as usize).ok_or(Refused)
     }
 
     /// Reads an input's element `index` (block, plane or step); returns false at the end of the
@@ -218,11 +203,7 @@ impl HostFile {
         // lives until this function returns. The macro's argument block is a temporary that lives
         // until the call returns.
         let handle = unsafe { syscall!(OPEN, terminated.as_ptr(), mode, name.len()) };
-        if handle == usize::MAX {
-            Err(Refused)
-        } else {
-            Ok(Self(handle))
-        }
+        if handle == usize::MAX { Err(Refused) } else { Ok(Self(handle)) }
     }
 
     /// Fills the buffer from the file and returns true; returns false at the end of the file.
@@ -256,10 +237,6 @@ impl HostFile {
 /// Ends the emulation. The exit status of QEMU is 0 if `success` is true, otherwise 1.
 pub fn exit(success: bool) -> ! {
     loop {
-        debug::exit(if success {
-            debug::EXIT_SUCCESS
-        } else {
-            debug::EXIT_FAILURE
-        });
+        debug::exit(if success { debug::EXIT_SUCCESS } else { debug::EXIT_FAILURE });
     }
 }

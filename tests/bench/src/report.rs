@@ -116,10 +116,7 @@ pub fn main() -> ExitCode {
         return ExitCode::SUCCESS;
     };
     eprintln!("\nerror: {error}");
-    error
-        .chain()
-        .skip(1)
-        .for_each(|why| eprintln!("  why: {why}"));
+    error.chain().skip(1).for_each(|why| eprintln!("  why: {why}"));
     let emulator = error.downcast_ref::<EmulatorError>();
     let is_missing = emulator.is_some_and(EmulatorError::is_missing);
     ExitCode::from(if is_missing { 2 } else { 1 })

@@ -39,10 +39,8 @@ impl OwnedTable {
 
     /// Reads a table from the bytes of the input file.
     pub fn from_bytes(bytes: &[u8; TABLE_BYTES]) -> Self {
-        let (weights, innovation) = bytes
-            .as_chunks()
-            .0
-            .split_at(ELECTRODE_PAIRS * ELECTRODE_OUTPUTS / 2);
+        let (weights, innovation) =
+            bytes.as_chunks().0.split_at(ELECTRODE_PAIRS * ELECTRODE_OUTPUTS / 2);
         Self {
             weights: core::array::from_fn(|at| Pair(u32::from_le_bytes(weights[at]))),
             innovation: core::array::from_fn(|at| i32::from_le_bytes(innovation[at])),
@@ -59,13 +57,7 @@ pub fn from_bytes(bytes: &[u8; STEP_BYTES]) -> Step {
     saturated.copy_from_slice(mask);
     let electrodes = core::array::from_fn(|at| i32::from_le_bytes(electrodes[at]));
     let (plane, clipped) = pipeline::quantise(&electrodes);
-    Step {
-        electrodes,
-        plane,
-        clipped,
-        saturated: u64::from_le_bytes(saturated),
-        ..Step::SILENCE
-    }
+    Step { electrodes, plane, clipped, saturated: u64::from_le_bytes(saturated), ..Step::SILENCE }
 }
 
 /// Returns the bytes of a step: its electrodes, then `mask`.

@@ -16,11 +16,7 @@ pub struct Tally {
 
 impl Tally {
     /// The tally that includes no measurement.
-    pub const EMPTY: Self = Self {
-        fewest: u32::MAX,
-        most: 0,
-        total: 0,
-    };
+    pub const EMPTY: Self = Self { fewest: u32::MAX, most: 0, total: 0 };
 
     /// Adds a measurement of this many instructions.
     pub fn add(&mut self, instructions: u32) {
@@ -33,10 +29,6 @@ impl Tally {
 impl fmt::Debug for Tally {
     /// Writes `[FEWEST, MOST, TOTAL]`, which the report on the PC parses.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            formatter,
-            "[{}, {}, {}]",
-            self.fewest, self.most, self.total
-        )
+        write!(formatter, "[{}, {}, {}]", self.fewest, self.most, self.total)
     }
 }

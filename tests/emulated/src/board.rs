@@ -42,11 +42,7 @@ pub struct Board {
 /// # Panics
 /// When QEMU or the target is missing and `CORTICODE_REQUIRE_ROS=1`.
 pub fn machines(test: &str) -> impl Iterator<Item = Machine> + use<> {
-    let count = if installed::available(test) {
-        MACHINES.len()
-    } else {
-        0
-    };
+    let count = if installed::available(test) { MACHINES.len() } else { 0 };
     MACHINES.into_iter().take(count).inspect(|machine| {
         println!("{}, {} (emulated)", machine.name, machine.core);
     })

@@ -20,9 +20,7 @@ pub fn filter_map<T>(
     let mut selected = Vec::new();
     let mut decoder = Decoder::<MAX_FRAME>::new();
     while let Some(outcome) = decoder.next::<ToHost<'_>>(&mut sent) {
-        let item = outcome
-            .ok()
-            .and_then(|frame| select(frame.header, frame.message));
+        let item = outcome.ok().and_then(|frame| select(frame.header, frame.message));
         selected.extend(item);
     }
     selected
@@ -33,11 +31,7 @@ pub fn filter_map<T>(
 /// # Panics
 /// When the message is longer than a frame.
 pub fn frame<'m>(seq: u32, version: u8, message: &impl Message<'m>) -> Vec<u8> {
-    let header = Header {
-        version,
-        seq,
-        device_time_us: 0,
-    };
+    let header = Header { version, seq, device_time_us: 0 };
     let mut buffer = [0; MAX_FRAME];
     let frame = link::encode(&header, message, &mut buffer);
     frame.expect("the message fits a frame").to_vec()
@@ -58,10 +52,7 @@ pub fn simulated(streams: Streams, samples: &[Sample]) -> Vec<u8> {
     // With `Wait` the queue of frames grows as needed, so the board drops no frame.
     let outbox = Outbox::new(WhenFull::Wait);
     let mut board = VirtualBoard::new(Identity::default(), Mains::default(), outbox.clone());
-    let start = Start {
-        streams,
-        mains_hz: 0,
-    };
+    let start = Start { streams, mains_hz: 0 };
     board.start(start, 0);
     for (index, sample) in (0..).zip(samples) {
         board.process_sample(sample, index * 1_000_000 / u64::from(ADC_RATE_HZ));
@@ -199,9 +190,8 @@ impl Boot {
             return 0;
         };
         let due = |index: u64| first + index * HOP as u64 * 1_000_000 / u64::from(STEP_RATE_HZ);
-        let differences = (0..)
-            .zip(&self.timed_codes)
-            .map(|(index, (time, _))| time.abs_diff(due(index)));
+        let differences =
+            (0..).zip(&self.timed_codes).map(|(index, (time, _))| time.abs_diff(due(index)));
         differences.max().unwrap_or(0)
     }
 
@@ -225,9 +215,7 @@ mod tests {
     /// Returns `count` frames with `Stats` messages; their sequence numbers start at 0.
     fn stats(count: u32) -> Vec<Vec<u8>> {
         let message = ToHost::Stats(Stats::default());
-        (0..count)
-            .map(|seq| frame(seq, VERSION, &message))
-            .collect()
+        (0..count).map(|seq| frame(seq, VERSION, &message)).collect()
     }
 
     #[test]

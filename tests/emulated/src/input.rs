@@ -65,11 +65,7 @@ impl Input {
         spec.rails = true;
         let synthetic = Generator::new(&spec).expect("the model's electrodes have positions");
         let counts = synthetic.take(total - real.len()).chain(real);
-        Self {
-            samples: counts.map(|counts| Sample { counts }).collect(),
-            names,
-            skipped,
-        }
+        Self { samples: counts.map(|counts| Sample { counts }).collect(), names, skipped }
     }
 
     /// Returns the samples of the first `seconds` seconds, or all samples of a shorter input.

@@ -54,22 +54,13 @@ fn late(stage: &StageTiming) -> u32 {
 /// # Panics
 /// When a limit was exceeded, a stage was late, or the board has reported no times.
 pub fn assert_within(limit: f64, timing: &Timing) {
-    assert!(
-        !timing.stages.is_empty(),
-        "the board has not reported how long its stages take"
-    );
+    assert!(!timing.stages.is_empty(), "the board has not reported how long its stages take");
     for stage in &timing.stages {
         let part = f64::from(stage.worst_ns) / f64::from(stage.deadline_ns);
-        assert!(
-            part <= limit,
-            "{part} of its deadline, at most {limit} expected: {stage:?}"
-        );
+        assert!(part <= limit, "{part} of its deadline, at most {limit} expected: {stage:?}");
         assert_eq!(late(stage), 0, "times late: {stage:?}");
     }
     let (used, size) = (timing.stack_used, timing.stack_size);
     let part = f64::from(used) / f64::from(size);
-    assert!(
-        part <= STACK_LIMIT,
-        "{used} of {size} bytes of stack were used"
-    );
+    assert!(part <= STACK_LIMIT, "{used} of {size} bytes of stack were used");
 }

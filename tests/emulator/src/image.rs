@@ -58,9 +58,7 @@ impl Image {
         features: &[&str],
     ) -> Result<Self, EmulatorError> {
         let configure = |cargo: &mut Command| {
-            cargo
-                .env("CORTICODE_ARTIFACT", model.artifact)
-                .env("CARGO_TARGET_DIR", model.target);
+            cargo.env("CORTICODE_ARTIFACT", model.artifact).env("CARGO_TARGET_DIR", model.target);
         };
         Self::build_by(configure, package, bin, features)
     }

@@ -13,9 +13,7 @@ use crate::skip::skip_unless_required;
 /// # Panics
 /// When QEMU or the library is missing and `CORTICODE_REQUIRE_ROS=1`.
 pub fn available(test: &str) -> bool {
-    check()
-        .map_err(|error| skip_unless_required(test, error))
-        .is_ok()
+    check().map_err(|error| skip_unless_required(test, error)).is_ok()
 }
 
 /// Checks that QEMU starts and that the compiler has the standard library for [`TARGET`].

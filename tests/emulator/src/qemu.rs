@@ -30,16 +30,8 @@ pub struct Machine {
 
 /// The emulated boards, with the smallest and the largest processor that the firmware supports.
 pub const MACHINES: [Machine; 2] = [
-    Machine {
-        name: "mps2-an386",
-        core: "Cortex-M4F",
-        features: &[],
-    },
-    Machine {
-        name: "mps2-an500",
-        core: "Cortex-M7",
-        features: &["--features=pipeline/cortex-m7"],
-    },
+    Machine { name: "mps2-an386", core: "Cortex-M4F", features: &[] },
+    Machine { name: "mps2-an500", core: "Cortex-M7", features: &["--features=pipeline/cortex-m7"] },
 ];
 
 /// What the first UART of the emulated board is connected to.
@@ -184,15 +176,9 @@ mod tests {
         let expected = "the image failed: exit status: 3; it printed: lost\n  next: run it by hand: \
                         `\"sh\" \"-c\" \"echo lost; exit 3\"`";
         assert_eq!(failed.expect_err("status 3").to_string(), expected);
-        let silent = run(
-            &["sh", "-c", "echo one; exec sleep 600"],
-            Duration::from_millis(200),
-        );
+        let silent = run(&["sh", "-c", "echo one; exec sleep 600"], Duration::from_millis(200));
         let message = silent.expect_err("it is ended").to_string();
-        assert!(
-            message.contains("silent for 0 s; it printed: one"),
-            "{message}"
-        );
+        assert!(message.contains("silent for 0 s; it printed: one"), "{message}");
         let missing = run(&["corticode-no-such-emulator"], minute);
         assert!(missing.expect_err("no such program").is_missing());
     }

@@ -18,9 +18,6 @@ pub fn skipped(what: &str, why: impl Display) {
 /// If `CORTICODE_REQUIRE_ROS=1` is set: CI must not skip tests whose programs can be installed.
 pub fn skip_unless_required(test: &str, why: impl Display) {
     let required = env::var("CORTICODE_REQUIRE_ROS").is_ok_and(|value| value == "1");
-    assert!(
-        !required,
-        "{test}: CORTICODE_REQUIRE_ROS=1 forbids to skip it: {why}"
-    );
+    assert!(!required, "{test}: CORTICODE_REQUIRE_ROS=1 forbids to skip it: {why}");
     skipped(test, why);
 }

@@ -5,9 +5,7 @@ use std::{env, fs, io};
 
 fn main() -> io::Result<()> {
     let Some(folder) = env::args_os().nth(1).map(PathBuf::from) else {
-        return Err(io::Error::other(
-            "name a folder, which gets a folder for each target",
-        ));
+        return Err(io::Error::other("name a folder, which gets a folder for each target"));
     };
     for target in fuzz::TARGETS {
         let folder = folder.join(target.name);

@@ -35,9 +35,7 @@ pub(crate) fn edf_seeds() -> Vec<Vec<u8>> {
 }
 
 pub(crate) fn bdf_seeds() -> Vec<Vec<u8>> {
-    ["2", "-1"]
-        .map(|records| EdfFile::bdf(records, 4, vec![7; 24]).bytes())
-        .into()
+    ["2", "-1"].map(|records| EdfFile::bdf(records, 4, vec![7; 24]).bytes()).into()
 }
 
 pub(crate) fn gdf_seeds() -> Vec<Vec<u8>> {
@@ -64,27 +62,12 @@ pub(crate) fn recording(bytes: &[u8]) -> Outcome {
     };
     let mut block = Block::default();
     let mut samples = 0;
-    while recording
-        .read_block(&mut block)
-        .expect("bytes are readable")
-    {
+    while recording.read_block(&mut block).expect("bytes are readable") {
         samples += block.samples.iter().map(Vec::len).sum::<usize>();
     }
-    assert!(
-        samples <= bytes.len(),
-        "{samples} samples from {} bytes",
-        bytes.len()
-    );
-    let events = recording
-        .onsets()
-        .expect("bytes are readable")
-        .seconds
-        .len();
-    assert!(
-        events <= bytes.len(),
-        "{events} events from {} bytes",
-        bytes.len()
-    );
+    assert!(samples <= bytes.len(), "{samples} samples from {} bytes", bytes.len());
+    let events = recording.onsets().expect("bytes are readable").seconds.len();
+    assert!(events <= bytes.len(), "{events} events from {} bytes", bytes.len());
     for warning in recording.warnings() {
         assert!(!warning.to_string().is_empty());
     }
@@ -101,15 +84,9 @@ pub(crate) fn recording(bytes: &[u8]) -> Outcome {
 }
 
 pub(crate) fn wire_recording_seeds() -> Vec<Vec<u8>> {
-    let header = FileHeader {
-        created_ns: 1_700_000_000_000_000_000,
-        streams: Streams::ALL,
-        mains_hz: 50,
-    };
-    let at = |us| HostTime {
-        monotonic_us: us,
-        wall_ns: header.created_ns + us * 1000,
-    };
+    let header =
+        FileHeader { created_ns: 1_700_000_000_000_000_000, streams: Streams::ALL, mains_hz: 50 };
+    let at = |us| HostTime { monotonic_us: us, wall_ns: header.created_ns + us * 1000 };
     let mut recorder = Recorder::new(header);
     recorder.opened(at(0));
     let stream = wire::stream(Streams::CODES);
@@ -175,9 +152,7 @@ pub(crate) fn dfu_seeds() -> Vec<Vec<u8>> {
         address: 0x0800_0000,
         content: vec![7; length],
     });
-    images
-        .map(|image| image.to_dfu().expect("a short image"))
-        .into()
+    images.map(|image| image.to_dfu().expect("a short image")).into()
 }
 
 /// Reads a firmware image from the bytes, as they are and with a correct checksum. An image that

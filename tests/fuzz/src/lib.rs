@@ -49,11 +49,7 @@ pub enum Outcome {
 
 impl Outcome {
     fn accepted_if(accepted: bool) -> Self {
-        if accepted {
-            Self::Accepted
-        } else {
-            Self::Refused
-        }
+        if accepted { Self::Accepted } else { Self::Refused }
     }
 }
 
@@ -113,9 +109,7 @@ pub fn run(name: &str, bytes: &[u8]) {
 /// # Panics
 /// When a stored input cannot be read.
 pub fn corpus(target: &str) -> Vec<Vec<u8>> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("corpus")
-        .join(target);
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(target);
     let Ok(files) = fs::read_dir(folder) else {
         return Vec::new();
     };

@@ -9,23 +9,12 @@ use artifact::{Artifact, Mode, NetworkShape, Padding};
 use crate::Outcome;
 
 /// Size of a model with small files. The network reads its single row of electrodes with padding.
-const SMALL: Size = Size {
-    grid: [1, 8],
-    electrodes: 8,
-    steps: 32,
-    hop: 8,
-    numbers: 8,
-};
+const SMALL: Size = Size { grid: [1, 8], electrodes: 8, steps: 32, hop: 8, numbers: 8 };
 
 /// Returns the files of small models, each after its length in four bytes.
 pub(crate) fn seeds() -> Vec<Vec<u8>> {
     static SEEDS: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| {
-        [
-            seed(Mode::Pca, false),
-            seed(Mode::Pca, true),
-            seed(Mode::Shortcut, true),
-        ]
-        .into()
+        [seed(Mode::Pca, false), seed(Mode::Pca, true), seed(Mode::Shortcut, true)].into()
     });
     SEEDS.clone()
 }
@@ -33,10 +22,7 @@ pub(crate) fn seeds() -> Vec<Vec<u8>> {
 fn seed(mode: Mode, packed: bool) -> Vec<u8> {
     let artifact = any_artifact_with(1, |description| {
         description.mode = mode;
-        description.network = NetworkShape {
-            padding: Padding::All,
-            pool: [2, 1, 1],
-        };
+        description.network = NetworkShape { padding: Padding::All, pool: [2, 1, 1] };
         SMALL.apply(description);
     });
     let artifact = artifact.expect("a model");
@@ -56,10 +42,7 @@ fn seed(mode: Mode, packed: bool) -> Vec<u8> {
 /// again.
 pub(crate) fn artifact(mut bytes: &[u8]) -> Outcome {
     let files = Artifact::FILES.map(|name| (name, part(&mut bytes)));
-    let files: Vec<_> = files
-        .into_iter()
-        .filter(|(_, file)| !file.is_empty())
-        .collect();
+    let files: Vec<_> = files.into_iter().filter(|(_, file)| !file.is_empty()).collect();
     let Ok(artifact) = Artifact::from_files(&files) else {
         return Outcome::Refused;
     };

@@ -38,9 +38,8 @@ fn change(bytes: &mut Vec<u8>, seeds: &[Vec<u8>], random: &mut impl Rng) {
             bytes.extend_from_slice(&other[from..]);
         }
         6 => {
-            let number: i64 = *[0, 1, -1, 127, 255, 65_535, i64::MAX, i64::MIN]
-                .choose(random)
-                .unwrap_or(&0);
+            let number: i64 =
+                *[0, 1, -1, 127, 255, 65_535, i64::MAX, i64::MIN].choose(random).unwrap_or(&0);
             let number = number.to_le_bytes();
             bytes[at..at + length.min(8)].copy_from_slice(&number[..length.min(8)]);
         }

@@ -29,14 +29,7 @@ pub(crate) fn request(bytes: &[u8]) -> Outcome {
         return Outcome::Refused;
     };
     assert!(request.body.len() <= 1024);
-    for path in [
-        &*request.target,
-        "/start",
-        "/record",
-        "/marker",
-        "/exclude",
-        "/rate",
-    ] {
+    for path in [&*request.target, "/start", "/record", "/marker", "/exclude", "/rate"] {
         match Command::parse(path, &request.body) {
             Some(Ok(Command::Marker(text))) => {
                 assert!((1..=view::MAX_MARKER).contains(&text.chars().count()));

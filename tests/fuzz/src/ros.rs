@@ -14,10 +14,7 @@ pub(crate) fn xmlrpc_seeds() -> Vec<Vec<u8>> {
         Value::from("a & b <c>"),
         Value::Array(vec![Value::Bool(true), Value::Double(1e-3)]),
     ];
-    let fault = Fault {
-        code: 1,
-        message: "no".to_owned(),
-    };
+    let fault = Fault { code: 1, message: "no".to_owned() };
     [
         encode_call("publisherUpdate", &values),
         encode_response(&Ok(Value::Array(values.to_vec()))),

@@ -17,9 +17,7 @@ pub(crate) fn seeds() -> Vec<Vec<u8>> {
     let linear = any_linear_for(2, &artifact).expect("a model");
     let uploads = [artifact, linear].map(|model| model_gen::upload(&model));
     let uploads = uploads.into_iter();
-    uploads
-        .filter_map(|upload| upload.expect("it fits the device"))
-        .collect()
+    uploads.filter_map(|upload| upload.expect("it fits the device")).collect()
 }
 
 /// Uploads a model with a valid CRC, whatever its bytes, and encodes noise and rails with it. A
@@ -35,20 +33,10 @@ pub(crate) fn uploaded_model(bytes: &[u8]) -> Outcome {
         board.receive(frame.expect("a command fits a frame"), 0);
     };
     let length = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
-    let begin = ModelBegin {
-        id: [1; 8],
-        bytes: length,
-        crc: model_crc(bytes),
-    };
+    let begin = ModelBegin { id: [1; 8], bytes: length, crc: model_crc(bytes) };
     send(&mut board, ToDevice::ModelBegin(begin));
-    for (offset, bytes) in (0..)
-        .step_by(MAX_CHUNK_BYTES)
-        .zip(bytes.chunks(MAX_CHUNK_BYTES))
-    {
-        send(
-            &mut board,
-            ToDevice::ModelChunk(ModelChunk { offset, bytes }),
-        );
+    for (offset, bytes) in (0..).step_by(MAX_CHUNK_BYTES).zip(bytes.chunks(MAX_CHUNK_BYTES)) {
+        send(&mut board, ToDevice::ModelChunk(ModelChunk { offset, bytes }));
     }
     send(&mut board, ToDevice::ModelEnd);
     // The device refuses codes that a host with this model could not decode, and continues.
@@ -88,11 +76,7 @@ pub(crate) fn uploaded_model(bytes: &[u8]) -> Outcome {
         }
     }
     let is_used = ends == Some(AckResult::Done);
-    assert_eq!(
-        ids,
-        u32::from(is_used),
-        "the id is that of the model in use"
-    );
+    assert_eq!(ids, u32::from(is_used), "the id is that of the model in use");
     assert_eq!(blocks, 8, "the board streams with either model");
     Outcome::accepted_if(is_used)
 }

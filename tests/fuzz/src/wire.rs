@@ -32,17 +32,9 @@ pub(crate) fn stream(streams: Streams) -> Vec<u8> {
     let outbox = Outbox::new(WhenFull::Wait);
     let mut board = VirtualBoard::new(Identity::default(), Mains::Hz50, outbox.clone());
     let mut commands = Encoder::starting_at(0);
-    let start = ToDevice::Start(Start {
-        streams,
-        mains_hz: 50,
-    });
+    let start = ToDevice::Start(Start { streams, mains_hz: 50 });
     let measure = ToDevice::SetImpedance { on: true };
-    for command in [
-        ToDevice::Identify,
-        ToDevice::SetFeatures(FILTERS),
-        measure,
-        start,
-    ] {
+    for command in [ToDevice::Identify, ToDevice::SetFeatures(FILTERS), measure, start] {
         board.receive(&frame(&mut commands, &command), 0);
     }
     for number in 0..u64::from(model::ADC_RATE_HZ) * 3 / 2 {
@@ -57,17 +49,9 @@ pub(crate) fn stream(streams: Streams) -> Vec<u8> {
 }
 
 /// A spatial filter of the built-in montage, with a band-pass.
-const FILTERS: FeatureFilters<'_> = FeatureFilters {
-    id: 1,
-    first: BAND,
-    second: BAND,
-    weights: &[16; model::ELECTRODES],
-};
-const BAND: BandPass = BandPass {
-    gain: 1 << 30,
-    a1: 1 << 31,
-    a2: -(1 << 31),
-};
+const FILTERS: FeatureFilters<'_> =
+    FeatureFilters { id: 1, first: BAND, second: BAND, weights: &[16; model::ELECTRODES] };
+const BAND: BandPass = BandPass { gain: 1 << 30, a1: 1 << 31, a2: -(1 << 31) };
 
 /// Returns the commands of a host that uses everything a device offers.
 pub(crate) fn command_seeds() -> Vec<Vec<u8>> {
@@ -76,9 +60,7 @@ pub(crate) fn command_seeds() -> Vec<Vec<u8>> {
         ToDevice::Identify,
         ToDevice::Ping,
         start(Streams::ALL, 60),
-        ToDevice::SyncTime {
-            host_time_us: u64::MAX,
-        },
+        ToDevice::SyncTime { host_time_us: u64::MAX },
         ToDevice::SetFeatures(FILTERS),
         ToDevice::SetImpedance { on: true },
         ToDevice::SelfTest,
@@ -137,10 +119,7 @@ impl Host {
             (&frame.exg.info, frame.exg.data.len()),
             (&frame.tri.info, frame.tri.data.len()),
         ] {
-            assert_eq!(
-                signals.nsamples as usize * signals.nchannels as usize,
-                numbers
-            );
+            assert_eq!(signals.nsamples as usize * signals.nchannels as usize, numbers);
         }
     }
 }
@@ -188,16 +167,10 @@ pub(crate) fn frames(bytes: &[u8]) -> Outcome {
 fn read_frames(bytes: &[u8]) -> bool {
     static MODEL: LazyLock<Arc<Model>> =
         LazyLock::new(|| Arc::new(Model::embedded().expect("the model")));
-    let settings = Settings {
-        streams: Streams::ALL,
-        ..Settings::default()
-    };
+    let settings = Settings { streams: Streams::ALL, ..Settings::default() };
     let mut core = Core::new(settings, Some(Arc::clone(&MODEL)));
     let mut host = Host::default();
-    let at = |us| HostTime {
-        monotonic_us: us,
-        wall_ns: us * 1000,
-    };
+    let at = |us| HostTime { monotonic_us: us, wall_ns: us * 1000 };
     core.connected(at(0), &mut host);
     let mut now_us = 0;
     for piece in bytes.chunks(1000) {

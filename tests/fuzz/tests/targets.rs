@@ -38,11 +38,7 @@ targets! {
 fn check(name: &str) {
     let target = target(name);
     for (number, seed) in target.seeds().iter().enumerate() {
-        assert_eq!(
-            target.read(seed),
-            Outcome::Accepted,
-            "seed {number} of {name}"
-        );
+        assert_eq!(target.read(seed), Outcome::Accepted, "seed {number} of {name}");
     }
     for input in corpus(name) {
         target.read(&input);

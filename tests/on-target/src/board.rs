@@ -71,10 +71,7 @@ fn run_to_end(command: &mut Command, mut on_line: impl FnMut(String)) -> Result<
     let (sender, lines) = mpsc::channel();
     let output = child.stdout.take().map(BufReader::new);
     thread::spawn(move || {
-        let mut all = output
-            .into_iter()
-            .flat_map(BufRead::lines)
-            .map_while(Result::ok);
+        let mut all = output.into_iter().flat_map(BufRead::lines).map_while(Result::ok);
         all.try_for_each(|line| sender.send(line))
     });
     loop {
@@ -89,11 +86,7 @@ fn run_to_end(command: &mut Command, mut on_line: impl FnMut(String)) -> Result<
         }
     }
     let status = child.wait().map_err(|error| error.to_string())?;
-    if status.success() {
-        Ok(())
-    } else {
-        Err(status.to_string())
-    }
+    if status.success() { Ok(()) } else { Err(status.to_string()) }
 }
 
 #[cfg(test)]

@@ -30,10 +30,8 @@ pub(crate) fn outputs<const N: usize, const PHASES: usize, const TAPS: usize>(
         let mut block: [i32; BLOCK] =
             core::array::from_fn(|_| counts.next().unwrap_or(0) << GUARD_BITS);
         if in_blocks {
-            cascade.apply_blocks(
-                core::slice::from_mut(&mut state),
-                core::slice::from_mut(&mut block),
-            );
+            cascade
+                .apply_blocks(core::slice::from_mut(&mut state), core::slice::from_mut(&mut block));
         } else {
             block = block.map(|x| cascade.apply(&mut state, x));
         }

@@ -30,17 +30,10 @@ const SCIPY_TOLERANCE: u64 = 114;
 pub(crate) fn check<const N: usize, const PHASES: usize, const TAPS: usize>(
     filtered: &Filtered<N, PHASES, TAPS>,
 ) -> Result<(), Mismatch> {
-    let Filtered {
-        cascade, resampler, ..
-    } = filtered;
+    let Filtered { cascade, resampler, .. } = filtered;
     let [singles, blocks] = [false, true]
         .map(|in_blocks| chain::outputs(cascade, resampler, signal::counts(), in_blocks));
     expect_equal("outputs", &filtered.bits, &singles)?;
     expect_equal("outputs of blocks", &filtered.bits, &blocks)?;
-    expect_near(
-        "scipy's outputs",
-        SCIPY_TOLERANCE,
-        &filtered.scipy,
-        &singles,
-    )
+    expect_near("scipy's outputs", SCIPY_TOLERANCE, &filtered.scipy, &singles)
 }

@@ -21,10 +21,7 @@ pub(crate) fn check_code() -> Result<(), Mismatch> {
 
 /// Checks the encoding and decoding of a frame with a command, which the device receives.
 pub(crate) fn check_command() -> Result<(), Mismatch> {
-    let start = ToDevice::Start(Start {
-        streams: Streams::CODES,
-        mains_hz: 50,
-    });
+    let start = ToDevice::Start(Start { streams: Streams::CODES, mains_hz: 50 });
     check(&mut Decoder::new(), &golden::START_FRAME, START_AT, &start)
 }
 

@@ -91,11 +91,8 @@ impl Draw {
     fn input_conv(&mut self, hash: &mut Hash) {
         let (rows, pairs) = (2 + self.up_to(ROWS - 2), self.up_to(OUTPUTS / 2));
         let outputs = 2 * pairs;
-        let output = PlaneShape {
-            rows: rows - 2,
-            columns: 1 + self.up_to(COLUMNS - 3),
-            channels: outputs,
-        };
+        let output =
+            PlaneShape { rows: rows - 2, columns: 1 + self.up_to(COLUMNS - 3), channels: outputs };
         let weights: [i8; 27 * OUTPUTS] = core::array::from_fn(|_| self.weight());
         let mut packed = [Pair::ZERO; First::weights_len(OUTPUTS)];
         let packed = &mut packed[..First::weights_len(outputs)];
@@ -131,11 +128,7 @@ impl Draw {
         let transformed = &mut transformed[..Conv::weights_len(outputs)];
         let weights = &weights[..27 * 2 * HIDDEN_PAIRS * outputs];
         Conv::transform_weights(outputs, weights, transformed);
-        let conv = Conv {
-            tile_rows,
-            outputs,
-            weights: transformed,
-        };
+        let conv = Conv { tile_rows, outputs, weights: transformed };
         let mut planes = [[Pair::ZERO; TRANSFORMED]; 3];
         for plane in &mut planes {
             let mut activations = [Pair::ZERO; INPUT];
@@ -166,11 +159,7 @@ impl Draw {
         let mut packed = [Pair::ZERO; Plain::weights_len(OUTPUTS)];
         let packed = &mut packed[..Plain::weights_len(outputs)];
         Plain::pack_weights(outputs, weights, packed);
-        let conv = Plain {
-            pool,
-            pooled,
-            weights: packed,
-        };
+        let conv = Plain { pool, pooled, weights: packed };
         let mut planes = [[Pair::ZERO; INPUT]; 3];
         for plane in &mut planes {
             let mut activations = [Pair::ZERO; INPUT];
@@ -193,11 +182,7 @@ impl Draw {
         let mut packed = [Pair::ZERO; PAIRS * SUMS / 2];
         let packed = &mut packed[..inputs * outputs / 2];
         Linear::pack_weights(inputs, outputs, &weights[..2 * inputs * outputs], packed);
-        let layer = Linear {
-            inputs,
-            outputs,
-            weights: packed,
-        };
+        let layer = Linear { inputs, outputs, weights: packed };
         let mut activations = [Pair::ZERO; PAIRS];
         self.activations(&mut activations);
         let mut sums = [0; SUMS];

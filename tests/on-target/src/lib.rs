@@ -38,10 +38,7 @@ pub mod results;
 mod signal;
 
 /// Expected outputs of the golden vectors, written by `build.rs`.
-#[allow(
-    clippy::unreadable_literal,
-    reason = "generated numbers in the format of the model"
-)]
+#[allow(clippy::unreadable_literal, reason = "generated numbers in the format of the model")]
 mod golden {
     use fixed_dsp::{Cascade, Coefficient, Resampler, Section};
     use model::{CELLS, CODE, STEPS};
@@ -86,14 +83,8 @@ pub const VECTORS: &[Vector] = &[
         name: "int8 kernels, random layers",
         check: |_| mismatch::expect_equal("digest", &golden::KERNELS, &kernels::digests()),
     },
-    Vector {
-        name: "network's sum",
-        check: |_| path::check_network_sum(),
-    },
-    Vector {
-        name: "network's codes",
-        check: |device| path::check_windows(&mut device.encoder),
-    },
+    Vector { name: "network's sum", check: |_| path::check_network_sum() },
+    Vector { name: "network's codes", check: |device| path::check_windows(&mut device.encoder) },
     Vector {
         name: "samples to codes, 50 Hz mains",
         check: |device| path::check(device, pipeline::Mains::Hz50, &golden::CODES_50),
@@ -102,32 +93,14 @@ pub const VECTORS: &[Vector] = &[
         name: "samples to codes, 60 Hz mains",
         check: |device| path::check(device, pipeline::Mains::Hz60, &golden::CODES_60),
     },
-    Vector {
-        name: "samples to features",
-        check: path::check_features,
-    },
+    Vector { name: "samples to features", check: path::check_features },
     #[cfg(not(feature = "f446"))]
-    Vector {
-        name: "packed code's sum",
-        check: |_| path::check_packed_sum(),
-    },
+    Vector { name: "packed code's sum", check: |_| path::check_packed_sum() },
     #[cfg(not(feature = "f446"))]
-    Vector {
-        name: "samples to packed blocks",
-        check: path::check_blocks,
-    },
-    Vector {
-        name: "frame of a code",
-        check: |_| frames::check_code(),
-    },
-    Vector {
-        name: "frame of a command",
-        check: |_| frames::check_command(),
-    },
-    Vector {
-        name: "damaged frames",
-        check: |_| frames::check_damaged(),
-    },
+    Vector { name: "samples to packed blocks", check: path::check_blocks },
+    Vector { name: "frame of a code", check: |_| frames::check_code() },
+    Vector { name: "frame of a command", check: |_| frames::check_command() },
+    Vector { name: "damaged frames", check: |_| frames::check_damaged() },
 ];
 
 #[cfg(test)]

@@ -34,9 +34,7 @@ mod image {
     /// with the numbers of vectors and of failures.
     #[entry]
     fn main() -> ! {
-        let Some(mut core) = cortex_m::Peripherals::take() else {
-            end(false)
-        };
+        let Some(mut core) = cortex_m::Peripherals::take() else { end(false) };
         start_clock(&mut core.SYST);
         let device = device();
         let mut failed = 0;
@@ -99,11 +97,7 @@ mod image {
     /// Ends the emulation or `probe-rs run`, with exit status 0 only if `success` is true.
     fn end(success: bool) -> ! {
         loop {
-            debug::exit(if success {
-                debug::EXIT_SUCCESS
-            } else {
-                debug::EXIT_FAILURE
-            });
+            debug::exit(if success { debug::EXIT_SUCCESS } else { debug::EXIT_FAILURE });
         }
     }
 

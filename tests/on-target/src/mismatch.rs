@@ -18,21 +18,13 @@ pub struct Mismatch {
 impl Mismatch {
     /// Adds `before` to the index: how many numbers the slices before this one have.
     pub(crate) fn offset_by(self, before: usize) -> Self {
-        Self {
-            index: self.index.map(|index| before + index),
-            ..self
-        }
+        Self { index: self.index.map(|index| before + index), ..self }
     }
 }
 
 impl fmt::Display for Mismatch {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            what,
-            index,
-            expected,
-            got,
-        } = self;
+        let Self { what, index, expected, got } = self;
         match index {
             Some(index) => write!(f, "{what} {index}: got {got}, expected {expected}"),
             None => write!(f, "{what}: got {got} of them, expected {expected}"),
@@ -66,24 +58,14 @@ pub(crate) fn expect_near<T: Copy + Into<i64>>(
     for (index, (&expected, &got)) in pairs {
         let (expected, got) = (expected.into(), got.into());
         if expected.abs_diff(got) > tolerance {
-            return Err(Mismatch {
-                what,
-                index: Some(index),
-                expected,
-                got,
-            });
+            return Err(Mismatch { what, index: Some(index), expected, got });
         }
     }
     if expected.len() == got.len() {
         return Ok(());
     }
     let [expected, got] = [expected, got].map(|all| i64::try_from(all.len()).unwrap_or(i64::MAX));
-    Err(Mismatch {
-        what,
-        index: None,
-        expected,
-        got,
-    })
+    Err(Mismatch { what, index: None, expected, got })
 }
 
 #[cfg(test)]
@@ -97,9 +79,7 @@ mod tests {
     fn the_first_number_beyond_the_tolerance_or_a_wrong_count_is_a_mismatch() {
         let text = |tolerance, expected: &[i32], got: &[i32]| {
             let compared = expect_near("values", tolerance, expected, got);
-            compared
-                .err()
-                .map(|mismatch| mismatch.offset_by(128).to_string())
+            compared.err().map(|mismatch| mismatch.offset_by(128).to_string())
         };
         let differs = Some("values 130: got 7, expected 3".to_owned());
         assert_eq!(text(0, &[1, 2, 3], &[1, 2, 7]), differs);

@@ -48,11 +48,7 @@ impl Default for Device {
 /// Checks the network in flash against its checksum from the build.
 pub(crate) fn check_network_sum() -> Result<(), Mismatch> {
     // `black_box` hides the network's contents from the compiler, which must read the flash.
-    expect_equal(
-        "sum",
-        &[NETWORK_CHECKSUM],
-        &[black_box(&NETWORK).checksum()],
-    )
+    expect_equal("sum", &[NETWORK_CHECKSUM], &[black_box(&NETWORK).checksum()])
 }
 
 /// Encodes each golden window with a restarted encoder and compares the code with the code of
@@ -63,10 +59,7 @@ pub(crate) fn check_windows(encoder: &mut Encoder<'static>) -> Result<(), Mismat
         encoder.restart();
         let mut code = None;
         for &plane in window {
-            code = encoder.encode_step(&Step {
-                plane,
-                ..Step::default()
-            });
+            code = encoder.encode_step(&Step { plane, ..Step::default() });
         }
         if let Some(code) = code {
             expect_equal("values", expected, &code.values.levels())
@@ -158,9 +151,7 @@ pub(crate) fn check_blocks(device: &mut Device) -> Result<(), Mismatch> {
     let mut samples = signal::samples();
     let mut bytes = 0;
     for (index, expected) in (0_u8..).zip(&golden::BLOCKS) {
-        device
-            .packed
-            .set_rate(Rate::new(index % 16).unwrap_or(Rate::MIDDLE));
+        device.packed.set_rate(Rate::new(index % 16).unwrap_or(Rate::MIDDLE));
         let block = samples.find_map(|sample| {
             let step = device.acquisition.process_sample(&sample)?;
             device.packed.encode_step(&step)

@@ -96,9 +96,7 @@ mod tests {
 
     #[test]
     fn ticks_are_printed_in_the_unit_of_the_machine() {
-        let line = readable("passed 2560 network's sum", "instructions", |ticks| {
-            ticks / 256
-        });
+        let line = readable("passed 2560 network's sum", "instructions", |ticks| ticks / 256);
         assert!(line.starts_with("passed  network's sum "), "{line}");
         assert!(line.ends_with(" 10 instructions"), "{line}");
         let other = readable("something else", "cycles", |ticks| ticks);

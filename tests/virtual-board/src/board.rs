@@ -102,23 +102,13 @@ impl EmulatedBoard {
         }];
         chip.attach_spi(chain);
         chip.attach_uart(Box::new(serial));
-        Self {
-            chip,
-            model,
-            image: image.path().display().to_string(),
-            observer,
-            cleared,
-        }
+        Self { chip, model, image: image.path().display().to_string(), observer, cleared }
     }
 
     /// While `is_held`, makes the USB core never report that its internal bus (AHB) is idle.
     pub(crate) fn hold_usb_while(&mut self, is_held: Arc<AtomicBool>) {
         let (address, bits) = self.chip.usb_idle_flag();
-        self.cleared.push(ClearedBits {
-            address,
-            bits,
-            holds: is_held,
-        });
+        self.cleared.push(ClearedBits { address, bits, holds: is_held });
     }
 }
 
@@ -138,10 +128,8 @@ impl Board for EmulatedBoard {
     }
 
     fn targets(&mut self) -> Vec<Target<'_>> {
-        let differences = Differences {
-            redirects: self.chip.redirects(),
-            cleared: self.cleared.clone(),
-        };
+        let differences =
+            Differences { redirects: self.chip.redirects(), cleared: self.cleared.clone() };
         let mut core = wrap_core(self.chip.core(), &self.image, &self.observer, differences);
         core.factory_images.extend(image::loader(self.model));
         let mcu: &mut dyn Mcu = &mut *self.chip;

@@ -149,9 +149,7 @@ impl spi::Peer for Chain {
         // DRDY returns to high with a transfer's first SCLK (data sheet SBAS499C, 9.4.4.1).
         wires.ready = false;
         let [byte, ..] = mosi.to_le_bytes();
-        let miso = wires
-            .simulation
-            .transfer_at(context.now().0, wires.sclk_hz, byte);
+        let miso = wires.simulation.transfer_at(context.now().0, wires.sclk_hz, byte);
         u32::from(miso)
     }
 }

@@ -60,10 +60,7 @@ macro_rules! common_to_all_chips {
         fn speed_and_pull(&self, pin: Pin) -> Option<(u64, u64)> {
             let registers = self.bus().registers(PORTS[pin.port()])?;
             let field = |register| registers.get(register) >> (2 * u32::from(pin.1)) & 0b11;
-            Some((
-                field(gpioa::Register::Ospeedr),
-                field(gpioa::Register::Pupdr),
-            ))
+            Some((field(gpioa::Register::Ospeedr), field(gpioa::Register::Pupdr)))
         }
 
         fn drive_timer(&mut self, at: VirtualNanos, pin: Pin, is_high: bool) {
@@ -88,10 +85,9 @@ macro_rules! common_to_all_chips {
             self.drive_timer(at, pin, is_high);
             let part_pin = PartPin::new(pin.1).expect("a port has 16 pins");
             let level = Some(Level::from(is_high));
-            self.part
-                .drive_port(at, pin.port(), |gpio, registers, context| {
-                    gpio.drive(part_pin, level, registers, context);
-                });
+            self.part.drive_port(at, pin.port(), |gpio, registers, context| {
+                gpio.drive(part_pin, level, registers, context);
+            });
         }
     };
 }

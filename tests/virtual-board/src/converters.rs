@@ -21,12 +21,8 @@ pub struct Converters {
 
 impl Converters {
     /// Converters of the checked-in model.
-    pub const EIGHT: Self = Self {
-        chips: 8,
-        rate_hz: 512,
-        wiring: Wiring::Daisy,
-        clock_hz: 1 << 21,
-    };
+    pub const EIGHT: Self =
+        Self { chips: 8, rate_hz: 512, wiring: Wiring::Daisy, clock_hz: 1 << 21 };
 
     /// Returns the converters that the model in `folder` is for.
     ///
@@ -62,18 +58,9 @@ mod tests {
         let models = Path::new("../../signal/model");
         let of = |name: &str| Converters::of_model(&models.join(name)).expect(name);
         assert_eq!(of("artifact"), Converters::EIGHT);
-        let kit = Converters {
-            chips: 1,
-            rate_hz: 500,
-            clock_hz: 2_048_000,
-            ..Converters::EIGHT
-        };
+        let kit = Converters { chips: 1, rate_hz: 500, clock_hz: 2_048_000, ..Converters::EIGHT };
         assert_eq!(of("kit-500"), kit);
-        let ironbci = Converters {
-            rate_hz: 250,
-            clock_hz: 2_056_192,
-            ..kit
-        };
+        let ironbci = Converters { rate_hz: 250, clock_hz: 2_056_192, ..kit };
         assert_eq!(of("ironbci"), ironbci);
     }
 }

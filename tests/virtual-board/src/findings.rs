@@ -44,9 +44,7 @@ impl Findings {
             undefined: texts(session.undefined(), |(address, gap)| {
                 format!("{}+{address:#010x}", gap.instance)
             }),
-            unrouted: texts(session.unrouted(), |(instance, line)| {
-                format!("{instance} {line}")
-            }),
+            unrouted: texts(session.unrouted(), |(instance, line)| format!("{instance} {line}")),
             manual_violations: texts(session.told(), |told| {
                 format!("{}.{}: {}", told.instance, told.register, told.reason)
             }),
@@ -67,15 +65,9 @@ impl Findings {
         };
         let is_allowed =
             |finding: &&String| list.iter().any(|(prefix, _)| finding.starts_with(prefix));
-        let all = [
-            &self.manual_violations,
-            &self.unimplemented,
-            &self.undefined,
-        ];
+        let all = [&self.manual_violations, &self.unimplemented, &self.undefined];
         let all = all.into_iter().flatten();
-        all.filter(|finding| !is_allowed(finding))
-            .cloned()
-            .collect()
+        all.filter(|finding| !is_allowed(finding)).cloned().collect()
     }
 }
 
@@ -96,14 +88,8 @@ const H743: &[Reason] = &[
         "RCC.CFGR: DS12110 rev 11 table 112",
         "480 MHz needs voltage scale 0, which ODEN in SYSCFG enables; the emulator does not model ODEN",
     ),
-    (
-        "RCC.D1CFGR: DS12110 rev 11 table 112",
-        "as for CFGR: the bus clocks of scale 0",
-    ),
-    (
-        "RCC.D2CFGR: DS12110 rev 11 table 112",
-        "as for CFGR: the bus clocks of scale 0",
-    ),
+    ("RCC.D1CFGR: DS12110 rev 11 table 112", "as for CFGR: the bus clocks of scale 0"),
+    ("RCC.D2CFGR: DS12110 rev 11 table 112", "as for CFGR: the bus clocks of scale 0"),
     (
         "RCC.PLLCFGR: RM0433 rev 9 8.5.5, 8.7.12: PLLxRGE",
         "8 MHz are the border of two ranges, and those of an RC oscillator can be below it",
@@ -117,10 +103,7 @@ const H743: &[Reason] = &[
 /// Findings that are allowed on the STM32F446 and the STM32F407, which the emulator runs as an
 /// STM32F427.
 const F4: &[Reason] = &[
-    (
-        "SYSCFG.EXTICR",
-        "the register stores the written value, and the EXTI model here reads it",
-    ),
+    ("SYSCFG.EXTICR", "the register stores the written value, and the EXTI model here reads it"),
     (
         "SYSCFG.MEMRM",
         "maps the boot loader to address 0 on the chip; the emulated core reads the vectors at their own address",

@@ -70,11 +70,7 @@ pub struct Inbox {
 
 impl Default for Inbox {
     fn default() -> Self {
-        Self {
-            decoder: Decoder::new(),
-            frames: Vec::new(),
-            errors: Vec::new(),
-        }
+        Self { decoder: Decoder::new(), frames: Vec::new(), errors: Vec::new() }
     }
 }
 
@@ -123,14 +119,12 @@ impl Kind {
                 fault: hello.fault.to_owned(),
             },
             ToHost::Capabilities(_) => Self::Capabilities,
-            ToHost::Code(code) => Self::Code(ReceivedCode {
-                flags: code.flags,
-                bytes: encoded(message),
-            }),
-            ToHost::PackedCode(code) => Self::PackedCode(ReceivedCode {
-                flags: code.flags,
-                bytes: encoded(message),
-            }),
+            ToHost::Code(code) => {
+                Self::Code(ReceivedCode { flags: code.flags, bytes: encoded(message) })
+            }
+            ToHost::PackedCode(code) => {
+                Self::PackedCode(ReceivedCode { flags: code.flags, bytes: encoded(message) })
+            }
             ToHost::Features(_) => Self::Features(encoded(message)),
             ToHost::Impedance(impedance) => Self::Impedance(impedance.electrodes().collect()),
             ToHost::CompressedRaw(_) => Self::CompressedRaw(encoded(message)),
@@ -152,13 +146,7 @@ impl Kind {
 
 /// Encodes a message as frame 0 at device time 0, so that equal messages give equal bytes.
 fn encoded(message: &ToHost<'_>) -> Vec<u8> {
-    let header = Header {
-        version: link::VERSION,
-        seq: 0,
-        device_time_us: 0,
-    };
+    let header = Header { version: link::VERSION, seq: 0, device_time_us: 0 };
     let mut buffer = [0; MAX_FRAME];
-    link::encode(&header, message, &mut buffer)
-        .map(<[u8]>::to_vec)
-        .unwrap_or_default()
+    link::encode(&header, message, &mut buffer).map(<[u8]>::to_vec).unwrap_or_default()
 }

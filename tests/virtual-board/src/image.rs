@@ -43,9 +43,7 @@ impl Image {
     pub fn read(path: &Path, model: Model) -> Result<Self, ImageError> {
         let (name, build) = (path.display(), build_command(model));
         let bytes = fs::read(path).map_err(|error| {
-            ImageError(format!(
-                "cannot read the image {name}: {error}; build it with `{build}`"
-            ))
+            ImageError(format!("cannot read the image {name}: {error}; build it with `{build}`"))
         })?;
         if let Some(newer) = newer_source(path) {
             return Err(ImageError(format!(
@@ -87,12 +85,7 @@ impl Image {
             .symbols()
             .filter_map(|symbol| Some((symbol.name().ok()?.to_owned(), symbol.address())))
             .collect();
-        Ok(Self {
-            path: path.to_path_buf(),
-            bytes,
-            functions,
-            symbols,
-        })
+        Ok(Self { path: path.to_path_buf(), bytes, functions, symbols })
     }
 
     /// Returns the path from which the image was read.
@@ -144,12 +137,8 @@ impl Image {
     /// Formats an address with the function that contains it and the offset from the function's
     /// start; only the address if no function does.
     pub fn describe(&self, address: u64) -> String {
-        let after = self
-            .functions
-            .partition_point(|(start, _, _)| *start <= address);
-        let found = after
-            .checked_sub(1)
-            .and_then(|index| self.functions.get(index));
+        let after = self.functions.partition_point(|(start, _, _)| *start <= address);
+        let found = after.checked_sub(1).and_then(|index| self.functions.get(index));
         match found {
             Some((start, size, name)) if address < start + size.max(&1) => {
                 format!("{address:#010x} {}+{:#x}", readable(name), address - start)
@@ -174,12 +163,7 @@ fn newer_source(image: &Path) -> Option<PathBuf> {
 
 /// Demangles a function's name and removes the hash at its end.
 fn readable(name: &str) -> String {
-    rustc_demangle::demangle(name)
-        .to_string()
-        .split("::h")
-        .next()
-        .unwrap_or(name)
-        .to_owned()
+    rustc_demangle::demangle(name).to_string().split("::h").next().unwrap_or(name).to_owned()
 }
 
 /// Value of the field `e_machine` in an ELF header for ARM.
@@ -192,9 +176,7 @@ const HEADERS: u32 = 84;
 pub(crate) fn loader(model: Model) -> Option<rigless::image::Image> {
     let base = model.facts().loader_vectors;
     // Vector table of stack pointer and entry point, then twice the instruction [`LOOP`].
-    let contents = [0x2000_1000, base + 9, 0xE7FE_E7FE]
-        .map(u32::to_le_bytes)
-        .concat();
+    let contents = [0x2000_1000, base + 9, 0xE7FE_E7FE].map(u32::to_le_bytes).concat();
     let file = elf(ARM, base, &contents);
     rigless::image::Image::new(Path::new("loader"), file, None).ok()
 }

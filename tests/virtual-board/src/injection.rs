@@ -39,9 +39,7 @@ impl Injection {
     pub(crate) fn change(self, image: &Image) -> Option<Change> {
         let mut change = Change::default();
         match self {
-            Self::Hang => change
-                .registers
-                .push((PC, word(image.find_instruction(LOOP)?))),
+            Self::Hang => change.registers.push((PC, word(image.find_instruction(LOOP)?))),
             Self::HardFault => change.registers.push((PC, 0x5FFF_FF00)),
             Self::WildStack => {
                 // Let the stack pointer point into the unused memory behind the failure record.

@@ -110,9 +110,7 @@ impl VirtualBoard {
         };
         let is_enabled = |line: &u16| byte(ISER + u64::from(line / 8)) >> (line % 8) & 1 != 0;
         let lines = (0..LINES).filter(is_enabled);
-        Ok(lines
-            .map(|line| (line, byte(IPR + u64::from(line)) >> 4))
-            .collect())
+        Ok(lines.map(|line| (line, byte(IPR + u64::from(line)) >> 4)).collect())
     }
 
     /// Returns the memory address and the number of items left to transfer (NDTR, 0 between
@@ -129,9 +127,7 @@ impl VirtualBoard {
             let streams = (0..STREAMS).map(|stream| dma + stream * STREAM_BYTES);
             let used = streams.filter(|stream| read(stream + PERIPHERAL) != 0);
             let used: Vec<u64> = used.collect();
-            used.into_iter()
-                .map(|stream| (read(stream + MEMORY), read(stream + LEFT)))
-                .collect()
+            used.into_iter().map(|stream| (read(stream + MEMORY), read(stream + LEFT))).collect()
         })
     }
 }

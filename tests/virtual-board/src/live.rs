@@ -48,20 +48,16 @@ pub fn run(
             (progressed_us, traffic) = (now, total);
         }
         if now - progressed_us > IDLE_US {
-            return Err(board.error(format!(
-                "no progress for {} s of virtual time",
-                IDLE_US / 1_000_000
-            )));
+            return Err(
+                board.error(format!("no progress for {} s of virtual time", IDLE_US / 1_000_000))
+            );
         }
         if now - reported >= REPORT_US {
             let count = board.findings()?.resets.len();
             reported = now;
             let real = start.elapsed().as_secs_f64();
-            let state = if tcp.is_connected() {
-                "a host is connected"
-            } else {
-                "no host is connected"
-            };
+            let state =
+                if tcp.is_connected() { "a host is connected" } else { "no host is connected" };
             // Ignore errors, so that the board keeps running when the console is closed.
             let _ = writeln!(
                 console,
@@ -99,11 +95,7 @@ impl TcpPort {
     pub fn listen(port: u16) -> io::Result<Self> {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))?;
         listener.set_nonblocking(true)?;
-        Ok(Self {
-            listener,
-            host: None,
-            waiting: Vec::new(),
-        })
+        Ok(Self { listener, host: None, waiting: Vec::new() })
     }
 
     /// Returns the number of the TCP port, chosen by the operating system if 0 was requested.

@@ -223,11 +223,7 @@ impl VirtualBoard {
             let what = format!("the image has no symbol {symbol}, or no code for {injection:?}");
             return Err(self.error(what));
         };
-        if self
-            .requests
-            .send(Request::Inject(address, change))
-            .is_err()
-        {
+        if self.requests.send(Request::Inject(address, change)).is_err() {
             return Err(self.ended());
         }
         Ok(())
@@ -343,10 +339,7 @@ impl VirtualBoard {
             section("resets", &resets),
             section("unmapped", &findings.unmapped),
             section("refused", &findings.refused),
-            section(
-                "violations of the reference manual",
-                &findings.manual_violations,
-            ),
+            section("violations of the reference manual", &findings.manual_violations),
         ];
         self.position() + &sections.concat()
     }
@@ -357,10 +350,7 @@ impl VirtualBoard {
         let (frames, errors) = (self.inbox.frames().len(), self.inbox.decode_errors());
         let counters = self.observer.recent_program_counters();
         let counters = counters.iter().map(|&address| self.image.describe(address));
-        let counters = section(
-            "program counters, the newest last",
-            &counters.collect::<Vec<_>>(),
-        );
+        let counters = section("program counters, the newest last", &counters.collect::<Vec<_>>());
         let not_decoded = section("frames that could not be decoded", errors);
         format!(
             "  at {now} us, {instructions} instructions, {frames} frames, {} not decoded\n\

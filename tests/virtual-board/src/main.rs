@@ -47,9 +47,8 @@ fn main() -> ExitCode {
         Ok(image) => image,
         Err(error) => return fail(USAGE, &error.to_string()),
     };
-    let converters = options.artifact.map_or(Ok(Converters::EIGHT), |folder| {
-        Converters::of_model(&folder)
-    });
+    let converters =
+        options.artifact.map_or(Ok(Converters::EIGHT), |folder| Converters::of_model(&folder));
     let converters = match converters {
         Ok(converters) => converters,
         Err(error) => return fail(USAGE, &error.to_string()),
@@ -66,10 +65,7 @@ fn main() -> ExitCode {
         }
     };
     let number = tcp.number().unwrap_or(options.port);
-    println!(
-        "{model} with {} at tcp:127.0.0.1:{number}",
-        image.path().display()
-    );
+    println!("{model} with {} at tcp:127.0.0.1:{number}", image.path().display());
     println!("  corticode-bridge --port tcp:127.0.0.1:{number} --sink ndjson");
     let setup = Setup {
         converters,

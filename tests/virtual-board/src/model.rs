@@ -102,10 +102,7 @@ const F446: Facts = Facts {
     core_hz: 168_000_000,
     reset_hz: 16_000_000,
     instructions_per_second: 103_000_000,
-    memories: &[
-        ("flash", 0x0800_0000, 512 << 10),
-        ("SRAM", 0x2000_0000, 128 << 10),
-    ],
+    memories: &[("flash", 0x0800_0000, 512 << 10), ("SRAM", 0x2000_0000, 128 << 10)],
     loader_vectors: 0x1FFF_0000,
     dma: 0x4002_6000,
     pins: Pins {
@@ -208,10 +205,7 @@ mod tests {
     fn documented(model: Model) -> Vec<(String, String)> {
         let text = include_str!("../../../docs/hardware.md");
         let heading = format!("### {model}");
-        let section = text
-            .split(&heading)
-            .nth(1)
-            .expect("a section for the board");
+        let section = text.split(&heading).nth(1).expect("a section for the board");
         let rows = section.split("\n#").next().unwrap_or(section).lines();
         let rows = rows.filter(|line| line.starts_with('|')).skip(2);
         let cells = rows.map(|row| row.trim_matches('|').split('|').map(str::trim));
@@ -227,10 +221,8 @@ mod tests {
     fn the_pins_are_those_of_the_documentation() {
         for model in [Model::H743, Model::F446, Model::Ironbci] {
             let pins = model.facts().pins;
-            let mut wires: Vec<(String, Pin)> = (0..)
-                .zip(pins.selects)
-                .map(|(chip, pin)| (format!("CS {chip}"), *pin))
-                .collect();
+            let mut wires: Vec<(String, Pin)> =
+                (0..).zip(pins.selects).map(|(chip, pin)| (format!("CS {chip}"), *pin)).collect();
             let others = [
                 ("START", pins.start),
                 ("RESET", pins.reset),

@@ -173,11 +173,7 @@ impl Processor for Core {
         self.has_run = true;
         self.prepare(bus.time(self.inner.retired()));
         let mut failed = Vec::new();
-        let mut bus = Bus {
-            inner: bus,
-            differences: &self.differences,
-            failed: &mut failed,
-        };
+        let mut bus = Bus { inner: bus, differences: &self.differences, failed: &mut failed };
         let ran = self.inner.run(budget, &mut bus);
         let mut state = self.observer.state();
         // Keep only the first failed accesses, which show the cause best.

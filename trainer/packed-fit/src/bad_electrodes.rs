@@ -85,18 +85,11 @@ fn energies(rows: &DMatrix<f64>) -> Vec<f64> {
 /// predicts each electrode from the others. An electrode that the recording lacks is never bad.
 fn noisy_electrodes(prediction: &DMatrix<f64>, track: &Track, electrodes: &[String]) -> Vec<usize> {
     let innovation = residual(prediction, track);
-    let [signal, all] = [
-        energies(&columns(track).map(f64::from)),
-        energies(&innovation),
-    ];
+    let [signal, all] = [energies(&columns(track).map(f64::from)), energies(&innovation)];
     let in_seconds = innovation.row_iter().map(|row| {
         let seconds = seconds(row.iter());
         // A recording shorter than a second has no whole second to judge.
-        if seconds.is_empty() {
-            0.0
-        } else {
-            median(seconds)
-        }
+        if seconds.is_empty() { 0.0 } else { median(seconds) }
     });
     let in_seconds: Vec<f64> = in_seconds.collect();
     let limit = BAD_INNOVATION * median(in_seconds.clone());

@@ -51,9 +51,7 @@ pub fn parse_band(text: &str) -> Result<[f64; 2], String> {
 /// # Errors
 /// If the text is anything else.
 pub fn parse_range(text: &str) -> Result<[f64; 2], String> {
-    let numbers = text
-        .split_once("..")
-        .map(|(low, high)| [low, high].map(str::parse));
+    let numbers = text.split_once("..").map(|(low, high)| [low, high].map(str::parse));
     match numbers {
         Some([Ok(low), Ok(high)]) if f64::is_finite(high - low) && low < high => Ok([low, high]),
         _ => Err("write two ascending numbers, such as 0.5..4".to_owned()),

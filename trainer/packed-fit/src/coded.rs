@@ -45,19 +45,14 @@ fn code_sequence(
     reset: usize,
 ) -> Coded {
     let count = model.coefficients();
-    let tables = Tables {
-        starts: &model.starts,
-        costs,
-    };
+    let tables = Tables { starts: &model.starts, costs };
     let contexts = |levels: &[u8]| {
         let mut contexts = vec![Context::EMPTY; count];
         packed::prepare_contexts(levels, rate, &mut contexts);
         contexts
     };
-    let (predicted, unpredicted) = (
-        contexts(&model.predicted_levels),
-        contexts(&model.reset_levels),
-    );
+    let (predicted, unpredicted) =
+        (contexts(&model.predicted_levels), contexts(&model.reset_levels));
     let mut coded = Coded {
         states: Vec::with_capacity(coefficients.len()),
         magnitudes: Vec::with_capacity(coefficients.len()),
@@ -71,24 +66,13 @@ fn code_sequence(
     for (index, coefficients) in coefficients.chunks_exact(count).enumerate() {
         let is_reset = index % reset == 0;
         let contexts = if is_reset { &unpredicted } else { &predicted };
-        state = if is_reset {
-            vec![0; count]
-        } else {
-            model.predict(&state)
-        };
+        state = if is_reset { vec![0; count] } else { model.predict(&state) };
         let residual: Vec<i32> = coefficients
             .iter()
             .zip(&state)
             .map(|(&coefficient, &prediction)| i32::from(coefficient) - i32::from(prediction))
             .collect();
-        packed::quantise(
-            &residual,
-            contexts,
-            &tables,
-            rate,
-            &mut survivors,
-            &mut magnitudes,
-        );
+        packed::quantise(&residual, contexts, &tables, rate, &mut survivors, &mut magnitudes);
         let header = Header { rate, is_reset };
         let length = packed::write_block(header, rate, &magnitudes, contexts, &tables, &mut bytes);
         coded.bytes.push(length);

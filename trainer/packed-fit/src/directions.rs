@@ -24,10 +24,7 @@ pub fn second_moment(sequences: &[DMatrix<f32>]) -> DMatrix<f64> {
 /// # Panics
 /// If the matrix has fewer than `count` rows.
 pub fn principal_directions(moment: DMatrix<f64>, count: usize) -> Vec<Vec<f32>> {
-    assert!(
-        count <= moment.nrows(),
-        "there are at most as many directions as dimensions"
-    );
+    assert!(count <= moment.nrows(), "there are at most as many directions as dimensions");
     let eigen = SymmetricEigen::new(moment);
     let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));

@@ -2,10 +2,7 @@
 
 /// Reason why a recording cannot be used, or why no packed model can be fitted.
 #[derive(Debug, thiserror::Error)]
-#[expect(
-    missing_docs,
-    reason = "the messages say what each variant and its fields mean"
-)]
+#[expect(missing_docs, reason = "the messages say what each variant and its fields mean")]
 pub enum FitError {
     /// A block cannot have `count` coefficients. `most` is the largest possible number; 0 if a
     /// block has fewer than 16 values.

@@ -69,9 +69,7 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(7);
         let electrodes = description.montage.electrodes;
         let filter = |most: i8, rng: &mut ChaCha8Rng| SpatialFilter {
-            weights: (0..ELECTRODES)
-                .map(|_| rng.random_range(-most..=most))
-                .collect(),
+            weights: (0..ELECTRODES).map(|_| rng.random_range(-most..=most)).collect(),
             pattern: vec![0.0; ELECTRODES],
         };
         let bands = [[8.0, 30.0], [1.0, 60.0], [12.0, 15.0]];
@@ -81,17 +79,9 @@ mod tests {
                 electrodes: electrodes.clone(),
                 step_rate_hz: 128,
                 hop_steps: 8,
-                band: Band {
-                    hz: band,
-                    sections: model_gen::band_power_sections(band, 128.0),
-                },
+                band: Band { hz: band, sections: model_gen::band_power_sections(band, 128.0) },
                 decision: DecisionRule {
-                    classes: [1, 2]
-                        .map(|code| Class {
-                            code,
-                            event: code.to_string(),
-                        })
-                        .into(),
+                    classes: [1, 2].map(|code| Class { code, event: code.to_string() }).into(),
                     window_hops: 1,
                     weights: vec![vec![0.0; 3]; 2],
                     bias: vec![0.0; 2],
@@ -115,10 +105,7 @@ mod tests {
                 let most = 1_600 << (step / 120);
                 let units: [i32; ELECTRODES] =
                     std::array::from_fn(|_| rng.random_range(-most..=most));
-                let features = extractor.add_step(&Step {
-                    electrodes: units,
-                    ..Step::SILENCE
-                });
+                let features = extractor.add_step(&Step { electrodes: units, ..Step::SILENCE });
                 expected.extend(features.map(|features| features.levels().to_vec()));
                 #[expect(clippy::cast_possible_truncation, reason = "as in a track")]
                 values.extend(units.map(|x| (f64::from(x) * uv_per_unit) as f32));

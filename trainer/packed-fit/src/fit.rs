@@ -150,11 +150,7 @@ fn fit_probabilities(
         model.starts = probabilities::starts(&coded::sum(&coded));
         let means = probabilities::mean_magnitudes(&coded, count);
         for (predicted, mean) in predicted.iter_mut().zip(means) {
-            *predicted = if round == 0 {
-                0.7 * mean + 0.3 * *predicted
-            } else {
-                mean.max(0.0003)
-            };
+            *predicted = if round == 0 { 0.7 * mean + 0.3 * *predicted } else { mean.max(0.0003) };
         }
         if round == 1 {
             model.prediction = refitted_prediction(&coded, coefficients, scale)?;
@@ -189,9 +185,7 @@ fn first_guess(
         }
     }
     let blocks = blocks.max(1.0);
-    let predicted = predicted
-        .iter()
-        .map(|sum| (sum / blocks / two_steps - 0.25).max(0.002));
+    let predicted = predicted.iter().map(|sum| (sum / blocks / two_steps - 0.25).max(0.002));
     let unpredicted = probabilities::mean_sizes(coefficients, count, two_steps);
     (predicted.collect(), unpredicted)
 }
@@ -248,9 +242,6 @@ pub fn without_prediction(
     model.reset_levels = probabilities::levels(&means);
     let figures = evaluation::evaluate_with_resets(&model, tested, description, 1, &mut |_| ())?;
     // A block without prediction has no information on the previous block, so nothing is smoothed.
-    let alone = |figures: RateFigures| RateFigures {
-        mse_smoothed: figures.mse,
-        ..figures
-    };
+    let alone = |figures: RateFigures| RateFigures { mse_smoothed: figures.mse, ..figures };
     Ok(figures.into_iter().map(alone).collect())
 }

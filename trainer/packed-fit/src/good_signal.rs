@@ -56,13 +56,7 @@ impl GoodSignal {
         for &electrode in seconds.iter().flat_map(|(.., second)| &second.bad) {
             bad_seconds[electrode] += 1;
         }
-        let mut signal = Self {
-            tracks: Vec::new(),
-            judged,
-            silent,
-            bad_seconds,
-            newest_bad,
-        };
+        let mut signal = Self { tracks: Vec::new(), judged, silent, bad_seconds, newest_bad };
         let always: Vec<usize> = signal.always_bad().collect();
         let mut end = None;
         for (index, start, mut second) in seconds {
@@ -75,11 +69,7 @@ impl GoodSignal {
             interpolate(&mut second, electrodes);
             // Clear the list: a stretch joins seconds whose bad electrodes differ.
             second.bad.clear();
-            match signal
-                .tracks
-                .last_mut()
-                .filter(|_| end == Some((index, start)))
-            {
+            match signal.tracks.last_mut().filter(|_| end == Some((index, start))) {
                 Some(track) => track.values.extend(second.values),
                 None => signal.tracks.push(second),
             }

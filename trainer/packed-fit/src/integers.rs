@@ -62,10 +62,7 @@ pub(crate) fn prediction(prediction: &DMatrix<f64>) -> IntegerMatrix {
 /// Returns the largest scale with which the sum of scaled and rounded weights times inputs does not
 /// exceed [`SUM_LIMIT`], for inputs of magnitude up to `limit`.
 fn scale_for(weights: &[f64], limit: i16) -> f64 {
-    let (most, rounding) = (
-        (SUM_LIMIT / i64::from(limit)) as f64,
-        0.5 * weights.len() as f64,
-    );
+    let (most, rounding) = ((SUM_LIMIT / i64::from(limit)) as f64, 0.5 * weights.len() as f64);
     let sum: f64 = weights.iter().map(|weight| weight.abs()).sum();
     (most - rounding) / sum.max(SMALLEST_SUM)
 }
@@ -101,19 +98,14 @@ pub(crate) struct Scale {
 
 impl Scale {
     pub(crate) fn new(model: &PackedModel, sd_uv: f64) -> Self {
-        Self {
-            count: model.coefficients(),
-            unit: model.description.unit_uv / sd_uv,
-        }
+        Self { count: model.coefficients(), unit: model.description.unit_uv / sd_uv }
     }
 
     /// Returns `values`, the coefficients of consecutive blocks, as a matrix with a column for each
     /// block.
     pub(crate) fn columns(self, values: &[i16]) -> DMatrix<f32> {
         #[expect(clippy::cast_possible_truncation, reason = "signals are f32")]
-        let scaled = values
-            .iter()
-            .map(|&value| (f64::from(value) * self.unit) as f32);
+        let scaled = values.iter().map(|&value| (f64::from(value) * self.unit) as f32);
         DMatrix::from_iterator(self.count, values.len() / self.count, scaled)
     }
 }

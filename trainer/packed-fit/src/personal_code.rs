@@ -68,10 +68,7 @@ fn fit(tracks: &[Track], other: &Artifact) -> Result<Artifact, FitError> {
     #[expect(clippy::cast_possible_truncation, reason = "a float network takes f32")]
     let to_input = |uv: &f32| (f64::from(*uv) / description.input.sd_uv) as f32;
     let columns = tracks.iter().map(|track| {
-        let inputs: Vec<f32> = windows(track, description)
-            .flatten()
-            .map(to_input)
-            .collect();
+        let inputs: Vec<f32> = windows(track, description).flatten().map(to_input).collect();
         DMatrix::from_vec(values, inputs.len() / values, inputs)
     });
     let columns: Vec<DMatrix<f32>> = columns.collect();
@@ -97,17 +94,12 @@ fn prd(model: &Artifact, tracks: &[Track]) -> Result<f64, FitError> {
     let grid = ScalpGrid::new(&model.description);
     #[expect(clippy::cast_possible_truncation, reason = "saturates, as on a device")]
     let level = |uv: &f32| (uv / integers.input_scale_uv).round() as i8;
-    let windows = tracks
-        .iter()
-        .flat_map(|track| windows(track, &model.description));
+    let windows = tracks.iter().flat_map(|track| windows(track, &model.description));
     let sums = in_parallel::map(&windows.collect::<Vec<_>>(), |window| {
         let planes: Vec<i8> = grid.scatter(window).iter().map(level).collect();
         let code = integers.dequantise(&integers.encode_window(&planes));
         let decoded = decoder.decode(&code);
-        let errors = window
-            .iter()
-            .zip(&decoded)
-            .map(|(uv, decoded)| uv - decoded);
+        let errors = window.iter().zip(&decoded).map(|(uv, decoded)| uv - decoded);
         [squares(errors), squares(window.iter().copied())]
     });
     let [error, signal] = [0, 1].map(|at| sums.iter().map(|sums| sums[at]).sum::<f64>());

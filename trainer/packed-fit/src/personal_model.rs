@@ -55,9 +55,7 @@ impl PersonalModel {
 /// figures. Interpolates linearly between two rates in the logarithms of length and error. `None`
 /// if no two rates enclose the length.
 pub fn error_at(figures: &[RateFigures], bits: f64) -> Option<f64> {
-    let pair = figures
-        .windows(2)
-        .find(|pair| (pair[1].bits..=pair[0].bits).contains(&bits))?;
+    let pair = figures.windows(2).find(|pair| (pair[1].bits..=pair[0].bits).contains(&bits))?;
     let [finer, coarser] = [&pair[0], &pair[1]];
     let part = (bits.ln() - finer.bits.ln()) / (coarser.bits.ln() - finer.bits.ln());
     Some((finer.mse.ln() + part * (coarser.mse.ln() - finer.mse.ln())).exp())
@@ -97,11 +95,7 @@ pub(crate) mod tests {
                 *source = 0.95 * *source + rng.random_range(-20.0..20.0);
             }
             weights.map(|weights| {
-                let sum: f32 = weights
-                    .iter()
-                    .zip(sources)
-                    .map(|(w, source)| w * source)
-                    .sum();
+                let sum: f32 = weights.iter().zip(sources).map(|(w, source)| w * source).sum();
                 sum + rng.random_range(-2.0..2.0)
             })
         });
@@ -109,10 +103,7 @@ pub(crate) mod tests {
     }
 
     fn personal(tracks: Vec<Track>, other: &PackedModel) -> PersonalModel {
-        let signal = GoodSignal {
-            tracks,
-            ..GoodSignal::default()
-        };
+        let signal = GoodSignal { tracks, ..GoodSignal::default() };
         PersonalModel::new(&signal, &description(), other, None, &mut |_| ()).unwrap()
     }
 
@@ -154,10 +145,7 @@ pub(crate) mod tests {
         let model = Pca::new(&directions, ranges, 400.0).to_model(description);
         let model = model.unwrap().with_packed(Some(packed)).unwrap();
         let code = |tracks: Vec<Track>, other: &Artifact| {
-            let signal = GoodSignal {
-                tracks,
-                ..GoodSignal::default()
-            };
+            let signal = GoodSignal { tracks, ..GoodSignal::default() };
             PersonalCode::new(&signal, other).unwrap()
         };
         let other = code(vec![head(2, 60)], &model).model;
@@ -179,12 +167,9 @@ pub(crate) mod tests {
             mse,
             mse_smoothed: mse,
         });
-        for (bits, expected) in [
-            (400.0, 0.01),
-            (200.0, 0.02),
-            (100.0, 0.04),
-            (50.0, 0.04 * 2.0_f64.sqrt()),
-        ] {
+        for (bits, expected) in
+            [(400.0, 0.01), (200.0, 0.02), (100.0, 0.04), (50.0, 0.04 * 2.0_f64.sqrt())]
+        {
             let error = error_at(&figures, bits).unwrap();
             assert!((error / expected - 1.0).abs() < 1e-9, "{bits} {error}");
         }

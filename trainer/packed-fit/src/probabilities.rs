@@ -55,9 +55,7 @@ fn means<'s, T: 's>(
 /// sequence.
 pub(crate) fn mean_magnitudes(coded: &[Coded], count: usize) -> Vec<f64> {
     let magnitudes = coded.iter().map(|coded| coded.magnitudes.as_slice());
-    means(magnitudes, count, |magnitude| {
-        magnitude.unsigned_abs().into()
-    })
+    means(magnitudes, count, |magnitude| magnitude.unsigned_abs().into())
 }
 
 /// Estimates the mean magnitude of each coefficient for the case that every block is coded without
@@ -97,10 +95,8 @@ fn row_starts(weights: &[f64]) -> [u16; MAGNITUDES] {
     let total: f64 = weights.iter().sum();
     let all = f64::from(1_u32 << FREQUENCY_BITS);
     #[expect(clippy::cast_possible_truncation, reason = "at most 2^15")]
-    let mut counts: Vec<i32> = weights
-        .iter()
-        .map(|weight| (weight / total * all).round().max(1.0) as i32)
-        .collect();
+    let mut counts: Vec<i32> =
+        weights.iter().map(|weight| (weight / total * all).round().max(1.0) as i32).collect();
     let mut likeliest = 0;
     for (magnitude, weight) in weights.iter().enumerate() {
         if *weight > weights[likeliest] {

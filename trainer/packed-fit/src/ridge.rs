@@ -84,10 +84,7 @@ pub(crate) fn fit_smoother(
     for (coded, coefficients) in coded.iter().zip(coefficients) {
         let missing = scale.columns(coefficients) - scale.columns(&coded.states);
         let next = next_residuals(model, &coded.states, scale);
-        ridge.add(
-            next.columns(0, next.ncols()),
-            missing.columns(0, next.ncols()),
-        );
+        ridge.add(next.columns(0, next.ncols()), missing.columns(0, next.ncols()));
     }
     let matrix = ridge.solve(PENALTY)?;
     Ok(matrix.transpose().as_slice().to_vec())

@@ -75,10 +75,7 @@ impl Track {
         let map = MontageMap::new(&recording.labels(), electrodes, Missing::Interpolate)
             .map_err(|source| FitError::Montage(name.clone(), source))?;
         let adc = &description.adc;
-        let spec = AdcSpec {
-            rate_hz: adc.rate_hz,
-            lsb_uv: adc.lsb_uv(),
-        };
+        let spec = AdcSpec { rate_hz: adc.rate_hz, lsb_uv: adc.lsb_uv() };
         let mut filters = Filters::new(description, mains_hz)
             .map_err(|source| FitError::Filter(mains_hz, source))?;
         let mut resampler = Resampler::new(description).map_err(FitError::Resampler)?;
@@ -139,9 +136,6 @@ impl Track {
 impl fmt::Display for Track {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (name, steps, lacking) = (&self.name, self.steps(), self.interpolated.len());
-        write!(
-            f,
-            "{name}: {steps} time steps, {lacking} electrodes interpolated"
-        )
+        write!(f, "{name}: {steps} time steps, {lacking} electrodes interpolated")
     }
 }

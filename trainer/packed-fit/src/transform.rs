@@ -49,9 +49,7 @@ impl Blocks {
                 DMatrix::from_iterator(block, count, scaled.take(count * block))
             })
         });
-        Self {
-            sequences: sequences.collect(),
-        }
+        Self { sequences: sequences.collect() }
     }
 }
 
@@ -126,10 +124,7 @@ impl Transform {
     /// Fits the Karhunen-Loeve transform with `count` coefficients to blocks. The prediction is 0.
     pub(crate) fn without_prediction(blocks: &Blocks, count: usize) -> Self {
         let directions = principal_directions(second_moment(&blocks.sequences), count);
-        Self {
-            directions: to_matrix(&directions),
-            prediction: DMatrix::zeros(count, count),
-        }
+        Self { directions: to_matrix(&directions), prediction: DMatrix::zeros(count, count) }
     }
 
     /// Returns the mean square, over all values of blocks, of the part that the coefficients do not
@@ -142,9 +137,7 @@ impl Transform {
         let count: usize = blocks.sequences.iter().map(DMatrix::len).sum();
         let coefficients = self.coefficients(blocks);
         let left = if is_weighted {
-            let probes = coefficients
-                .iter()
-                .map(|c| c.rows(c.nrows() - PROBES, PROBES));
+            let probes = coefficients.iter().map(|c| c.rows(c.nrows() - PROBES, PROBES));
             let probes: Vec<_> = probes.map(DMatrix::from).collect();
             f64::from(1 << PROBE_SHIFT) * energy(&probes)
         } else {
@@ -157,11 +150,7 @@ impl Transform {
 
     fn coefficients(&self, blocks: &Blocks) -> Vec<DMatrix<f32>> {
         let analysis = to_f32(&self.directions.transpose());
-        blocks
-            .sequences
-            .iter()
-            .map(|blocks| &analysis * blocks)
-            .collect()
+        blocks.sequences.iter().map(|blocks| &analysis * blocks).collect()
     }
 
     /// Fits the prediction of each block's coefficients from the previous block's state.

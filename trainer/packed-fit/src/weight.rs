@@ -39,10 +39,7 @@ pub fn weight_for(purpose: &str) -> Result<ErrorWeight, String> {
             parse_band(band).map_err(|error| format!("write motor or a band in Hz: {error}"))?
         }
     };
-    Ok(ErrorWeight {
-        band_hz,
-        strength: STRENGTH,
-    })
+    Ok(ErrorWeight { band_hz, strength: STRENGTH })
 }
 
 /// The matrix of a weighted error.
@@ -118,11 +115,7 @@ fn band(steps: usize, [low_hz, high_hz]: [f64; 2], rate_hz: f64) -> DMatrix<f64>
         let below = |hz: f64| {
             let width = 2.0 * hz / rate_hz;
             let x = PI * width * lag;
-            if lag == 0.0 {
-                width
-            } else {
-                width * x.sin() / x
-            }
+            if lag == 0.0 { width } else { width * x.sin() / x }
         };
         below(high_hz) - below(low_hz)
     })

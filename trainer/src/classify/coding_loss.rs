@@ -87,11 +87,7 @@ impl CodingLoss {
             sections: model_gen::band_power_sections(options.task.band, rate_hz),
             unit_uv: description.input.sd_uv,
             task: None,
-            table: ClassifierLossTable {
-                original_auc: None,
-                trials: 0,
-                rows: Vec::new(),
-            },
+            table: ClassifierLossTable { original_auc: None, trials: 0, rows: Vec::new() },
         };
         if !options.events.is_empty() {
             let plan = Plan::new(&options.events, &options.task, None, None, description)?;
@@ -144,9 +140,7 @@ impl CodingLoss {
             });
             let sum = |at: usize| powers.iter().map(|pair| &pair[at]).sum::<DVector<f64>>();
             let (signal, error) = (sum(0), sum(1));
-            signal
-                .zip_map(&error, |s: f64, e: f64| 10.0 * (s / e).log10())
-                .mean()
+            signal.zip_map(&error, |s: f64, e: f64| 10.0 * (s / e).log10()).mean()
         });
         let snr_db = ratios.sum::<f64>() / self.people.len() as f64;
         let auc = self.auc(&decoded, Some(GUESS))?;
@@ -203,10 +197,7 @@ impl CodingLoss {
 }
 
 fn with_values(track: &Track, values: impl Iterator<Item = f32>) -> Track {
-    Track {
-        values: values.collect(),
-        ..track.part(0..0)
-    }
+    Track { values: values.collect(), ..track.part(0..0) }
 }
 
 impl ClassifierLossTable {
@@ -219,23 +210,14 @@ impl ClassifierLossTable {
 
 impl fmt::Display for ClassifierLossTable {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(
-            f,
-            "\nfor classifiers of a band: spatially filtered components"
-        )?;
+        writeln!(f, "\nfor classifiers of a band: spatially filtered components")?;
         let Some(original) = self.original_auc else {
             writeln!(f, "code                 SNR dB")?;
             let mut rows = self.rows.iter();
             return rows.try_for_each(|(code, snr_db, _)| writeln!(f, "{code:<18} {snr_db:>8.2}"));
         };
         writeln!(f, "code                 SNR dB    AUC %   difference")?;
-        writeln!(
-            f,
-            "{:<27} {:>8.1}   {} trials",
-            "original",
-            100.0 * original,
-            self.trials
-        )?;
+        writeln!(f, "{:<27} {:>8.1}   {} trials", "original", 100.0 * original, self.trials)?;
         for (code, snr_db, auc) in &self.rows {
             let auc = auc.unwrap_or(GUESS);
             let [auc, difference] = [auc, auc - original].map(|part| 100.0 * part);

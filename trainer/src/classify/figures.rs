@@ -35,10 +35,7 @@ pub(super) fn figures(parts: &[Part], classes: usize) -> ClassifierFigures {
     let right: u32 = (0..classes).map(|class| confusion[class][class]).sum();
     let trials: u32 = confusion.iter().flatten().sum();
     let parts_figures = parts.iter().map(|part| {
-        let right = part
-            .decided
-            .iter()
-            .filter(|decided| decided.decision == decided.class);
+        let right = part.decided.iter().filter(|decided| decided.decision == decided.class);
         PartFigures {
             name: part.name.clone(),
             trials: count(part.decided.len()),
@@ -82,12 +79,8 @@ fn auc(parts: &[Part], classes: usize, scores: impl Fn(&Decided) -> &Vec<f64>) -
             let (mut right, mut pairs) = (0.0, 0.0);
             for part in parts {
                 let of = |class: usize| {
-                    let own = part
-                        .decided
-                        .iter()
-                        .filter(move |decided| decided.class == class);
-                    own.map(|decided| scores(decided)[a] - scores(decided)[b])
-                        .collect::<Vec<_>>()
+                    let own = part.decided.iter().filter(move |decided| decided.class == class);
+                    own.map(|decided| scores(decided)[a] - scores(decided)[b]).collect::<Vec<_>>()
                 };
                 let others = of(b);
                 for own in of(a) {
@@ -138,12 +131,7 @@ pub(super) fn write(
 ) -> fmt::Result {
     let [low, high] = figures.accuracy_95.map(percent);
     writeln!(f, "\n{title}:")?;
-    for PartFigures {
-        name,
-        trials,
-        right,
-    } in &figures.parts
-    {
+    for PartFigures { name, trials, right } in &figures.parts {
         writeln!(f, "  {name:<24} {right:>4} of {trials} right")?;
     }
     writeln!(

@@ -138,12 +138,7 @@ impl Plan {
         let count = self.trial_hops.div_ceil(window);
         let spare = self.trial_hops - window;
         let start = |index: usize| first + index * spare / (count - 1).max(1);
-        Some(
-            (0..count)
-                .map(start)
-                .map(|start| start..start + window)
-                .collect(),
-        )
+        Some((0..count).map(start).map(|start| start..start + window).collect())
     }
 
     /// Returns the band-passed electrodes in microvolts, `[electrode, step]`.
@@ -211,20 +206,13 @@ pub(super) fn fit(plan: &Plan, trials: &[(&Session, &Trial)]) -> Result<Fitted, 
     discriminant(&mut float_rule, &float_features);
     // Write the classifier as text and parse it, which checks all ranges.
     let classifier = Classifier::parse(&classifier.to_toml()?)?;
-    Ok(Fitted {
-        classifier,
-        filters,
-        float_rule,
-    })
+    Ok(Fitted { classifier, filters, float_rule })
 }
 
 impl Fitted {
     /// Returns the score of each class for the last window of a trial, without quantisation.
     pub(super) fn float_scores(&self, trial: &Trial) -> Vec<f64> {
-        let last = trial
-            .windows
-            .last()
-            .map(|window| log_powers(&self.filters, &window.moment));
+        let last = trial.windows.last().map(|window| log_powers(&self.filters, &window.moment));
         self.float_rule.scores(&last.unwrap_or_default())
     }
 }
@@ -269,10 +257,7 @@ pub(super) fn common_spatial_patterns(
 ) -> Option<DMatrix<f64>> {
     let mut filters: Vec<DVector<f64>> = Vec::new();
     for (class, own) in means.iter().enumerate() {
-        let others = means
-            .iter()
-            .enumerate()
-            .filter(|(other, _)| *other != class);
+        let others = means.iter().enumerate().filter(|(other, _)| *other != class);
         let others: DMatrix<f64> = others.map(|(_, mean)| mean).sum();
         let both = own + others / (means.len() - 1) as f64;
         // own w = lambda both w, with both = L L^T and w = L^-T v.
@@ -302,12 +287,8 @@ fn int8_weights(filter: &DVector<f64>) -> Vec<i8> {
 
 /// Returns the logarithm of the power of each filter's signal.
 fn log_powers(filters: &DMatrix<f64>, moment: &DMatrix<f64>) -> Vec<f64> {
-    let powers = filters
-        .column_iter()
-        .map(|filter| filter.dot(&(moment * filter)));
-    powers
-        .map(|power| power.max(f64::MIN_POSITIVE).ln())
-        .collect()
+    let powers = filters.column_iter().map(|filter| filter.dot(&(moment * filter)));
+    powers.map(|power| power.max(f64::MIN_POSITIVE).ln()).collect()
 }
 
 /// Fits a linear discriminant to features and their classes, with equal prior probabilities. The
@@ -316,16 +297,12 @@ fn discriminant(rule: &mut DecisionRule, features: &[(usize, Vec<f64>)]) {
     let size = features.first().map_or(0, |(_, x)| x.len());
     let means = (0..rule.classes.len()).map(|class| {
         let own: Vec<_> = features.iter().filter(|(of, _)| *of == class).collect();
-        let sum = own
-            .iter()
-            .map(|(_, x)| DVector::from_column_slice(x))
-            .sum::<DVector<f64>>();
+        let sum = own.iter().map(|(_, x)| DVector::from_column_slice(x)).sum::<DVector<f64>>();
         sum / own.len() as f64
     });
     let means: Vec<DVector<f64>> = means.collect();
-    let residuals = features
-        .iter()
-        .map(|(class, x)| DVector::from_column_slice(x) - &means[*class]);
+    let residuals =
+        features.iter().map(|(class, x)| DVector::from_column_slice(x) - &means[*class]);
     let residuals = DMatrix::from_columns(&residuals.collect::<Vec<_>>());
     let inverse = shrunk_covariance(&residuals)
         .try_inverse()
@@ -338,9 +315,7 @@ fn discriminant(rule: &mut DecisionRule, features: &[(usize, Vec<f64>)]) {
     let common = weights.iter().sum::<DVector<f64>>() / classes;
     let common_bias = biases.iter().sum::<f64>() / classes;
     let weights = weights.iter().map(|weights| weights - &common);
-    rule.weights = weights
-        .map(|weights| weights.iter().copied().collect())
-        .collect();
+    rule.weights = weights.map(|weights| weights.iter().copied().collect()).collect();
     rule.bias = biases.iter().map(|bias| bias - common_bias).collect();
 }
 
@@ -351,25 +326,14 @@ fn shrunk_covariance(columns: &DMatrix<f64>) -> DMatrix<f64> {
     let mean = covariance.trace() / size;
     let target = DMatrix::identity(columns.nrows(), columns.nrows()) * mean;
     let distance = (&covariance - &target).norm_squared();
-    let fourth: f64 = columns
-        .column_iter()
-        .map(|x| x.norm_squared().powi(2))
-        .sum();
+    let fourth: f64 = columns.column_iter().map(|x| x.norm_squared().powi(2)).sum();
     let error = (fourth / count - covariance.norm_squared()) / count;
-    let shrinkage = if distance > 0.0 {
-        (error / distance).clamp(0.0, 1.0)
-    } else {
-        1.0
-    };
+    let shrinkage = if distance > 0.0 { (error / distance).clamp(0.0, 1.0) } else { 1.0 };
     covariance * (1.0 - shrinkage) + target * shrinkage
 }
 
 /// Converts a whole number to an index; negative numbers become 0.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "saturates"
-)]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
 fn whole(number: f64) -> usize {
     number as usize
 }

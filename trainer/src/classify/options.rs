@@ -74,9 +74,7 @@ pub(crate) fn class(text: &str) -> Result<Class, String> {
 fn trial(text: &str) -> Result<[f64; 2], String> {
     let ends = parse_range(text)?;
     if ends.iter().any(|end| end.abs() > LONGEST_TRIAL_S) {
-        return Err(format!(
-            "a trial is within {LONGEST_TRIAL_S} s of its event"
-        ));
+        return Err(format!("a trial is within {LONGEST_TRIAL_S} s of its event"));
     }
     Ok(ends)
 }

@@ -17,10 +17,8 @@ use std::path::Path;
 
 /// Patterns of two sources over eight electrodes: the first is strong in class 0, the second in
 /// class 1.
-const PATTERNS: [[f32; 8]; 2] = [
-    [0.1, 0.0, 1.0, 0.2, 0.4, 0.0, 0.1, -0.1],
-    [0.0, 0.1, 0.2, 1.0, 0.0, -0.5, 0.0, 0.1],
-];
+const PATTERNS: [[f32; 8]; 2] =
+    [[0.1, 0.0, 1.0, 0.2, 0.4, 0.0, 0.1, -0.1], [0.0, 0.1, 0.2, 1.0, 0.0, -0.5, 0.0, 0.1]];
 /// Seconds from one event to the next.
 const PERIOD_S: usize = 5;
 
@@ -52,13 +50,7 @@ fn plan(more: &str) -> Result<Plan, TrainerError> {
     };
     let text = include_str!("../../../files/montages/cyton-8.toml");
     let montage = MontageFile::parse(Path::new("cyton-8.toml"), text).expect("a montage");
-    let ClassifyOptions {
-        events,
-        task,
-        filters,
-        window,
-        ..
-    } = &options;
+    let ClassifyOptions { events, task, filters, window, .. } = &options;
     let description = card::description(&montage, shape);
     Plan::new(events, task, *filters, *window, &description)
 }
@@ -70,13 +62,7 @@ fn session(plan: &Plan, seed: u64, trials: usize, contrast: f32) -> Session {
     let classes: Vec<usize> = (0..trials).map(|n| (n * n / 3) % 2).collect();
     let steps = (0..(trials + 1) * PERIOD_S * 128).flat_map(|step| {
         let class = classes.get(step / (PERIOD_S * 128)).copied().unwrap_or(0);
-        let amplitude = [0, 1].map(|source| {
-            if source == class {
-                10.0 * contrast
-            } else {
-                10.0
-            }
-        });
+        let amplitude = [0, 1].map(|source| if source == class { 10.0 * contrast } else { 10.0 });
         let [a, b] = amplitude.map(|most: f32| rng.random_range(-most..most));
         let mut noise = || rng.random_range(-4.0..4.0);
         PATTERNS[0]
@@ -87,9 +73,7 @@ fn session(plan: &Plan, seed: u64, trials: usize, contrast: f32) -> Session {
     });
     let track = Track::new("synthetic", 8, steps.collect());
     let events = classes.iter().enumerate();
-    let events: Vec<_> = events
-        .map(|(n, &class)| ((n * PERIOD_S) as f64, class))
-        .collect();
+    let events: Vec<_> = events.map(|(n, &class)| ((n * PERIOD_S) as f64, class)).collect();
     Session::new(track, &events, plan)
 }
 
@@ -107,12 +91,7 @@ fn numpy(sessions: &[Session]) -> Option<Json> {
     });
     let trials = trials.collect::<Json>().to_string();
     let tracks = sessions.iter().map(|session| &session.track);
-    testing::numpy(
-        "classifier",
-        include_str!("reference.py"),
-        &[trials],
-        tracks,
-    )
+    testing::numpy("classifier", include_str!("reference.py"), &[trials], tracks)
 }
 
 #[test]
@@ -128,10 +107,7 @@ fn sources_of_known_patterns_are_found_and_decide() {
     }
     let (figures, courses) = cross_validate(&plan, &sessions, &folds(&sessions)).expect("a fit");
     assert!(figures.accuracy > 0.85 && figures.auc > 0.95, "{figures:?}");
-    assert!(
-        (figures.auc - figures.auc_float).abs() < 0.01,
-        "{figures:?}"
-    );
+    assert!((figures.auc - figures.auc_float).abs() < 0.01, "{figures:?}");
     assert_eq!(figures.parts.len(), 3);
     // The probability rises within the trial, which ends at 4 s.
     let [before, end] = [0.0, 4.0].map(|seconds| {
@@ -148,19 +124,14 @@ fn sources_of_known_patterns_are_found_and_decide() {
     };
     let numbers = |value: &Json| -> Vec<f64> {
         let values = value.as_array().expect("an array").iter();
-        values
-            .map(|value| value.as_f64().expect("a number"))
-            .collect()
+        values.map(|value| value.as_f64().expect("a number")).collect()
     };
     let near = |a: f64, b: f64| (a - b).abs() < 1e-6 * (1.0 + b.abs());
     for (filter, expected) in fitted.filters.column_iter().zip(0..) {
         let expected = numbers(&numpy["filters"][expected]);
         let expected = DMatrix::from_column_slice(8, 1, &expected);
         let sign = filter.dot(&expected).signum();
-        assert!(
-            (filter - expected * sign).amax() < 1e-6 * filter.amax(),
-            "{filter}"
-        );
+        assert!((filter - expected * sign).amax() < 1e-6 * filter.amax(), "{filter}");
     }
     let rule = &fitted.float_rule;
     let weights = numbers(&numpy["weights"]);
@@ -169,10 +140,7 @@ fn sources_of_known_patterns_are_found_and_decide() {
         assert!(near(difference, expected), "{difference} {expected}");
     }
     let bias = rule.bias[1] - rule.bias[0];
-    assert!(
-        near(bias, numpy["bias"].as_f64().expect("a number")),
-        "{bias} {numpy}"
-    );
+    assert!(near(bias, numpy["bias"].as_f64().expect("a number")), "{bias} {numpy}");
 }
 
 #[test]
@@ -182,26 +150,13 @@ fn trials_without_a_difference_are_called_guesses_and_a_single_recording_is_divi
     let folds = folds(&sessions);
     assert_eq!(folds.len(), 5);
     let (figures, _) = cross_validate(&plan, &sessions, &folds).expect("a fit");
-    assert_eq!(
-        figures.parts.iter().map(|part| part.trials).sum::<u32>(),
-        24
-    );
-    assert!(
-        Text(&figures)
-            .to_string()
-            .contains("not better than guessing"),
-        "{figures:?}"
-    );
+    assert_eq!(figures.parts.iter().map(|part| part.trials).sum::<u32>(), 24);
+    assert!(Text(&figures).to_string().contains("not better than guessing"), "{figures:?}");
     // A classifier of one session decides on another session at every hop, averaging over one
     // second.
     let fitted = fit::fit(&plan, &pairs(&sessions)).expect("a fit");
     assert_eq!(fitted.classifier.decision.window_hops, 16);
-    assert_eq!(
-        decide_sessions(&fitted, &[session(&plan, 5, 12, 1.0)])[0]
-            .decided
-            .len(),
-        12
-    );
+    assert_eq!(decide_sessions(&fitted, &[session(&plan, 5, 12, 1.0)])[0].decided.len(), 12);
 }
 
 #[test]
@@ -227,10 +182,7 @@ fn figures_of_a_few_decisions_are_those_computed_by_hand() {
     assert!((figures.auc - 0.875).abs() < 1e-9 && (figures.auc_float - 0.125).abs() < 1e-9);
     // statsmodels.stats.proportion.proportion_confint(3, 4, method="wilson")
     let [low, high] = figures.accuracy_95;
-    assert!(
-        (low - 0.300_642).abs() < 2e-6 && (high - 0.954_413).abs() < 2e-6,
-        "{low} {high}"
-    );
+    assert!((low - 0.300_642).abs() < 2e-6 && (high - 0.954_413).abs() < 2e-6, "{low} {high}");
     // The two classes have 2 and 2 trials, and 1 and 3 decisions.
     assert!((chance(&figures) - 0.5).abs() < 1e-9);
 }

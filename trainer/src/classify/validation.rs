@@ -67,9 +67,7 @@ pub(super) fn cross_validate(
         let part = decide(&fitted, &fold.name, trials, &predictions);
         Ok((part, courses(plan, trials, &predictions, around)))
     });
-    let parts = parts
-        .into_iter()
-        .collect::<Result<Vec<_>, TrainerError>>()?;
+    let parts = parts.into_iter().collect::<Result<Vec<_>, TrainerError>>()?;
     let (parts, courses): (Vec<Part>, Vec<_>) = parts.into_iter().unzip();
     let courses = (0..plan.classes().len()).map(|class| {
         let all = courses.iter().flat_map(|courses| &courses[class]);
@@ -91,10 +89,7 @@ pub(super) fn decide_sessions(fitted: &Fitted, sessions: &[Session]) -> Vec<Part
 fn predictions(fitted: &Fitted, session: &Session) -> Vec<Prediction> {
     let mut decision = Decision::new(&fitted.classifier);
     let levels = features::levels(&session.track, &fitted.classifier);
-    levels
-        .iter()
-        .map(|levels| decision.add_hop(levels))
-        .collect()
+    levels.iter().map(|levels| decision.add_hop(levels)).collect()
 }
 
 /// Returns the decision at the last hop of each trial.
@@ -110,10 +105,7 @@ fn decide(fitted: &Fitted, name: &str, trials: &[Trial], predictions: &[Predicti
             float_scores: fitted.float_scores(trial),
         }
     });
-    Part {
-        name: name.to_owned(),
-        decided: decided.collect(),
-    }
+    Part { name: name.to_owned(), decided: decided.collect() }
 }
 
 /// Returns the last hop of a trial.
@@ -144,9 +136,8 @@ fn courses(
 fn mean_course(plan: &Plan, trials: &[&Vec<Option<f32>>], [before, after]: [usize; 2]) -> Course {
     let mean = |hop: usize| {
         let values = trials.iter().filter_map(|trial| trial[hop]);
-        let (sum, count) = values.fold((0.0, 0.0), |(sum, count), p| {
-            (sum + f64::from(p), count + 1.0)
-        });
+        let (sum, count) =
+            values.fold((0.0, 0.0), |(sum, count), p| (sum + f64::from(p), count + 1.0));
         let seconds = plan.end_s() + (hop as f64 - before as f64) * plan.hop_s();
         (seconds, sum / count)
     };
@@ -155,11 +146,7 @@ fn mean_course(plan: &Plan, trials: &[&Vec<Option<f32>>], [before, after]: [usiz
 
 /// Returns the numbers of hops that a course shows before and after the last hop of a trial.
 fn hops_around(plan: &Plan) -> [usize; 2] {
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "some hundreds"
-    )]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundreds")]
     let hops = |seconds: f64| (seconds.max(0.0) / plan.hop_s()).round() as usize;
     [plan.end_s() + AROUND_S, AROUND_S].map(hops)
 }

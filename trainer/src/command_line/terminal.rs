@@ -50,9 +50,7 @@ impl Terminal {
     }
 
     fn windows_per_second(&self) -> f64 {
-        let seconds = self
-            .start
-            .map_or(0.0, |start| start.elapsed().as_secs_f64());
+        let seconds = self.start.map_or(0.0, |start| start.elapsed().as_secs_f64());
         (self.finished * self.size[1]) as f64 / seconds.max(1e-3)
     }
 }
@@ -79,8 +77,7 @@ impl ProgressObserver for Terminal {
         self.finished += 1;
         self.bar.inc(1);
         let speed = self.windows_per_second();
-        self.bar
-            .set_message(format!("{speed:.0} windows/s, loss {loss:.5}"));
+        self.bar.set_message(format!("{speed:.0} windows/s, loss {loss:.5}"));
     }
 
     fn epoch_finished(&mut self, epoch: u32, EpochLosses { loss, validation }: EpochLosses) {
@@ -113,8 +110,7 @@ impl ProgressObserver for Terminal {
     }
 
     fn fold_started(&mut self, name: &str, number: usize, folds: usize) {
-        self.bar
-            .set_prefix(format!("{name}, fold {number} of {folds}"));
+        self.bar.set_prefix(format!("{name}, fold {number} of {folds}"));
     }
 
     fn fold_finished(&mut self, outcome: &Outcome, work: usize) {

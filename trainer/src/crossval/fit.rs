@@ -28,11 +28,7 @@ impl Data {
     /// `tracks` are all recordings of the subject.
     pub(super) fn of_fold(tracks: &[Track], fold: &Fold, gap: usize) -> Self {
         let training = parts(tracks, fold, gap, false);
-        Self {
-            recorded: training.clone(),
-            training,
-            test: parts(tracks, fold, gap, true),
-        }
+        Self { recorded: training.clone(), training, test: parts(tracks, fold, gap, true) }
     }
 }
 
@@ -47,21 +43,14 @@ pub(super) fn test_fold(
     let mut description = description.clone();
     let dimensions = description.dimensions();
     let training_set = TrainingSet::new(&data.training, &data.recorded, dimensions)?;
-    let TrainingSet {
-        split,
-        whole,
-        sd_uv,
-    } = &training_set;
+    let TrainingSet { split, whole, sd_uv } = &training_set;
     let mut test = Dataset::from_tracks(&data.test, dimensions)?;
     test.scale(1.0 / sd_uv);
     description.input.sd_uv = *sd_uv;
     let geometry = Geometry::new(&description);
     let network = Network::new(&description);
     let directions = training_set.directions();
-    let settings = Settings {
-        seed: seed(settings.seed, fold),
-        ..settings
-    };
+    let settings = Settings { seed: seed(settings.seed, fold), ..settings };
     let initial = |mode| Parameters::initial(mode, geometry, &directions, settings.seed);
     let linear = initial(Mode::Pca);
     let pca_validation = network.mean_squared_error(&linear, &validation_windows(split));
@@ -110,10 +99,7 @@ pub(super) fn test_fold(
         windows,
         sd_uv: *sd_uv,
         best_epoch,
-        validation: Validation {
-            model: model_validation,
-            pca: pca_validation,
-        },
+        validation: Validation { model: model_validation, pca: pca_validation },
         curve,
         model_float: model[0],
         model_integer: model[1],
@@ -173,10 +159,7 @@ mod tests {
             repetition: 1,
             number: 1,
             blocks,
-            test: test
-                .iter()
-                .map(|&(recording, block)| Block { recording, block })
-                .collect(),
+            test: test.iter().map(|&(recording, block)| Block { recording, block }).collect(),
             recordings: vec!["run0".to_owned(), "run1".to_owned()],
             trained_on: 2 * blocks - test.len(),
         }

@@ -181,10 +181,7 @@ impl FromStr for Shard {
         if number < 1 || number > count {
             return Err(error());
         }
-        Ok(Self {
-            index: number - 1,
-            count,
-        })
+        Ok(Self { index: number - 1, count })
     }
 }
 

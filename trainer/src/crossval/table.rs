@@ -83,9 +83,7 @@ impl Table {
 
     /// Returns the settings of the first fold's model as text: montage, shape and training.
     pub(crate) fn settings(&self) -> &str {
-        self.outcomes
-            .first()
-            .map_or("", |outcome| outcome.settings.as_str())
+        self.outcomes.first().map_or("", |outcome| outcome.settings.as_str())
     }
 
     /// Returns the rows of each subject in turn, followed by the rows over all subjects if there
@@ -119,16 +117,7 @@ impl Table {
                         prd_percent_mean,prd_percent_sd\n"
                 .to_owned();
         for row in &self.rows {
-            let Row {
-                subject,
-                folds,
-                model,
-                codes,
-                is_decodable,
-                mse,
-                mse_uv2,
-                prd_percent,
-            } = row;
+            let Row { subject, folds, model, codes, is_decodable, mse, mse_uv2, prd_percent } = row;
             let subject = csv_field(subject);
             let _ = write!(text, "{subject},{folds},{model},{codes},{is_decodable}");
             for Spread { mean, sd } in [mse, mse_uv2, prd_percent] {
@@ -152,19 +141,12 @@ impl fmt::Display for Table {
             let [subject, folds, model, codes, errors @ ..] = row.cells();
             let decodable = if row.is_decodable { "yes" } else { "no" };
             let errors = errors.join(" | ");
-            writeln!(
-                f,
-                "| {subject} | {folds} | {model} | {codes} | {decodable} | {errors} |"
-            )?;
+            writeln!(f, "| {subject} | {folds} | {model} | {codes} | {decodable} | {errors} |")?;
         }
         let Some(outcome) = self.outcomes.first() else {
             return Ok(());
         };
-        writeln!(
-            f,
-            "\nTest error, mean ± standard deviation over the folds. {}.",
-            outcome.settings
-        )
+        writeln!(f, "\nTest error, mean ± standard deviation over the folds. {}.", outcome.settings)
     }
 }
 
@@ -244,9 +226,6 @@ impl Spread {
         let count = values.clone().count() as f64;
         let mean = values.clone().sum::<f64>() / count;
         let squares: f64 = values.map(|value| (value - mean).powi(2)).sum();
-        Self {
-            mean,
-            sd: (squares / (count - 1.0).max(1.0)).sqrt(),
-        }
+        Self { mean, sd: (squares / (count - 1.0).max(1.0)).sqrt() }
     }
 }

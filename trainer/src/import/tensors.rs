@@ -16,11 +16,7 @@ const COUNTER: &str = "num_batches_tracked";
 const CALIBRATION: &str = "calibration.";
 /// Names of the tensors to compare with: windows, their codes and, optionally, their
 /// reconstructions.
-const REFERENCE: [&str; 3] = [
-    "reference.windows",
-    "reference.codes",
-    "reference.reconstructions",
-];
+const REFERENCE: [&str; 3] = ["reference.windows", "reference.codes", "reference.reconstructions"];
 
 /// The tensors of a file by name, with any names, shapes and element types.
 #[derive(Debug)]
@@ -92,12 +88,8 @@ impl StateDict {
         spec: &Spec,
         description: &Description,
     ) -> Result<Collected, Vec<String>> {
-        let mut search = Search {
-            file: self,
-            used: BTreeSet::new(),
-            mistakes: Vec::new(),
-            missing: Vec::new(),
-        };
+        let mut search =
+            Search { file: self, used: BTreeSet::new(), mistakes: Vec::new(), missing: Vec::new() };
         let dimensions = description.dimensions();
         let shapes = weight_shapes(description.mode, &Geometry::new(description));
         search.check_names(spec, shapes.iter().map(|(name, _)| *name));
@@ -113,11 +105,7 @@ impl StateDict {
         search.check_empty_cells(description);
         search.check_unused();
         match (calibration, search.mistakes.is_empty()) {
-            (Some(calibration), true) => Ok(Collected {
-                weights,
-                calibration,
-                reference,
-            }),
+            (Some(calibration), true) => Ok(Collected { weights, calibration, reference }),
             _ => Err(search.mistakes),
         }
     }
@@ -163,8 +151,7 @@ impl Search<'_> {
         let fits = fits(&entry.shape, shape);
         if !fits {
             let found = List(&entry.shape);
-            self.mistakes
-                .push(format!("{name} has shape {found}, expected {expected}"));
+            self.mistakes.push(format!("{name} has shape {found}, expected {expected}"));
         }
         let Some(values) = &entry.values else {
             self.mistakes.push(format!(
@@ -248,23 +235,17 @@ impl Search<'_> {
         };
         let (windows, codes) = (windows?, codes?);
         let others = reconstructions.as_ref().map_or(count, Vec::len);
-        for (name, found, row) in [
-            (codes_name, codes.len(), &[numbers][..]),
-            (reconstructions_name, others, window),
-        ] {
+        for (name, found, row) in
+            [(codes_name, codes.len(), &[numbers][..]), (reconstructions_name, others, window)]
+        {
             if found != count {
                 let [found, expected] = [found, count].map(|count| [&[count], row].concat());
                 let (found, expected) = (List(&found), in_words(&expected));
-                self.mistakes
-                    .push(format!("{name} has shape {found}, expected {expected}"));
+                self.mistakes.push(format!("{name} has shape {found}, expected {expected}"));
                 return None;
             }
         }
-        Some(Reference {
-            windows,
-            codes,
-            reconstructions,
-        })
+        Some(Reference { windows, codes, reconstructions })
     }
 
     /// Records a mistake for each tensor of windows that has values other than 0 in cells without

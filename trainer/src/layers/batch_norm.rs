@@ -27,11 +27,7 @@ impl Moments {
                 (mean, sum(values, windows, |value| (value - center).powi(2)))
             })
             .unzip();
-        Self {
-            count,
-            mean,
-            squares,
-        }
+        Self { count, mean, squares }
     }
 
     /// Returns the moments of the values of `self` and `other` combined (Chan, Golub and LeVeque
@@ -91,12 +87,7 @@ impl<'a> BatchNorm<'a> {
     /// Creates a batch norm from gain, offset, mean and variance of each channel.
     pub(crate) fn new([gain, offset]: [&'a [f32]; 2], mean: Vec<f32>, variance: &[f32]) -> Self {
         let inverse = variance.iter().map(|v| 1.0 / (v + NORM_EPSILON).sqrt());
-        Self {
-            gain,
-            offset,
-            mean,
-            inverse: inverse.collect(),
-        }
+        Self { gain, offset, mean, inverse: inverse.collect() }
     }
 
     /// Returns the volume after batch norm.
@@ -139,10 +130,7 @@ impl<'a> BatchNorm<'a> {
                     }
                 }
                 let total = |lanes: Lanes| lanes.into_iter().map(f64::from).sum::<f64>();
-                (
-                    total(products) * f64::from(self.inverse[channel]),
-                    total(sums),
-                )
+                (total(products) * f64::from(self.inverse[channel]), total(sums))
             })
             .unzip();
         NormGradient { gain, offset }

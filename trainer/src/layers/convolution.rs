@@ -29,12 +29,7 @@ pub(crate) struct Layer<'a> {
 impl Layer<'_> {
     /// Returns the convolution of `x`.
     pub(crate) fn convolve(&self, x: &Volume) -> Volume {
-        correlate(
-            x,
-            &self.kernels(self.bias.len(), x.channels),
-            self.bias,
-            self.pads,
-        )
+        correlate(x, &self.kernels(self.bias.len(), x.channels), self.bias, self.pads)
     }
 
     /// Returns the gradient at the input of a convolution with `inputs` channels, from the gradient
@@ -121,11 +116,7 @@ impl Kernels {
     /// Arranges kernels; `value` returns the weight from an input channel to an output channel at a
     /// tap. A tap is an index over step, row and column (the last fastest).
     fn new(outputs: usize, inputs: usize, value: impl Fn(usize, usize, usize) -> f32) -> Self {
-        let tile = if outputs.is_multiple_of(TILE) {
-            TILE
-        } else {
-            1
-        };
+        let tile = if outputs.is_multiple_of(TILE) { TILE } else { 1 };
         let mut values = Vec::with_capacity(outputs * inputs * TAPS);
         for first in (0..outputs).step_by(tile) {
             for input in 0..inputs {
@@ -134,12 +125,7 @@ impl Kernels {
                 }
             }
         }
-        Self {
-            outputs,
-            inputs,
-            tile,
-            values,
-        }
+        Self { outputs, inputs, tile, values }
     }
 }
 
@@ -147,19 +133,10 @@ impl Kernels {
 /// the bias of each output channel: y\[o\]\[at\] = bias\[o\] + sum over i and k of w\[o\]\[i\]\[k\]
 /// x\[i\]\[at + k - pads\].
 fn correlate(x: &Volume, kernels: &Kernels, bias: &[f32], pads: [usize; 3]) -> Volume {
-    assert_eq!(
-        x.channels, kernels.inputs,
-        "a kernel for each input channel"
-    );
+    assert_eq!(x.channels, kernels.inputs, "a kernel for each input channel");
     let output = |axis: usize| x.size[axis] + 2 * pads[axis] + 1 - KERNEL;
     let mut y = Volume::zeros(kernels.outputs, [0, 1, 2].map(output));
-    pulp::Arch::new().dispatch(Correlate {
-        x,
-        kernels,
-        bias,
-        pads,
-        y: &mut y,
-    });
+    pulp::Arch::new().dispatch(Correlate { x, kernels, bias, pads, y: &mut y });
     y
 }
 
@@ -200,11 +177,7 @@ impl Reach {
     fn new(at: usize, pad: usize, length: usize) -> Self {
         let first = pad.saturating_sub(at);
         let end = KERNEL.min(length + pad - at);
-        Self {
-            first,
-            count: end - first,
-            input: at + first - pad,
-        }
+        Self { first, count: end - first, input: at + first - pad }
     }
 }
 
@@ -283,23 +256,12 @@ impl Correlate<'_> {
 /// Unless `small` has a multiple of 4 channels, and each axis of `large` is longer than the axis of
 /// `small` by the kernel's length minus 1.
 fn weight_gradient(small: &Volume, large: &Volume) -> Vec<f32> {
-    assert!(
-        small.channels.is_multiple_of(TILE),
-        "a multiple of {TILE} channels"
-    );
+    assert!(small.channels.is_multiple_of(TILE), "a multiple of {TILE} channels");
     for axis in 0..3 {
-        assert_eq!(
-            large.size[axis],
-            small.size[axis] + KERNEL - 1,
-            "axis {axis}"
-        );
+        assert_eq!(large.size[axis], small.size[axis] + KERNEL - 1, "axis {axis}");
     }
     let mut gradient = vec![0.0; small.channels * large.channels * TAPS];
-    pulp::Arch::new().dispatch(WeightGradient {
-        small,
-        large,
-        gradient: &mut gradient,
-    });
+    pulp::Arch::new().dispatch(WeightGradient { small, large, gradient: &mut gradient });
     gradient
 }
 
@@ -337,10 +299,8 @@ impl WithSimd for WeightGradient<'_> {
                             parts,
                         };
                         let part_sums = vectors.sums(simd);
-                        for (lanes, sum) in sums
-                            .iter_mut()
-                            .flatten()
-                            .zip(part_sums.into_iter().flatten())
+                        for (lanes, sum) in
+                            sums.iter_mut().flatten().zip(part_sums.into_iter().flatten())
                         {
                             S::as_mut_simd_f32s(lanes).0[part] = sum;
                         }
@@ -436,27 +396,17 @@ mod tests {
         };
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-4 * (1.0 + a.abs()), "{a} {b}");
         for pads in [[0, 0, 0], [0, 1, 1], [1, 1, 1]] {
-            let layer = Layer {
-                weight: &weight,
-                bias: &zeros[..CHANNELS[1]],
-                pads,
-            };
+            let layer = Layer { weight: &weight, bias: &zeros[..CHANNELS[1]], pads };
             let x = volume(5, CHANNELS[0], SIZE);
             let y = layer.convolve(&x);
             let gradient = volume(6, CHANNELS[1], y.size);
             let product = inner(&gradient, &y);
-            near(
-                product,
-                inner(&layer.convolve_gradient(CHANNELS[0], &gradient), &x),
-            );
+            near(product, inner(&layer.convolve_gradient(CHANNELS[0], &gradient), &x));
             near(product, along(&layer.parameter_gradient(&x, &gradient)));
 
             // A transposed convolution maps the channels of the kernels' first index to the
             // channels of their second index.
-            let layer = Layer {
-                bias: &zeros[..CHANNELS[0]],
-                ..layer
-            };
+            let layer = Layer { bias: &zeros[..CHANNELS[0]], ..layer };
             let x = volume(7, CHANNELS[1], SIZE);
             let y = layer.convolve_transposed(&x);
             assert_eq!(y.channels, CHANNELS[0]);
@@ -464,10 +414,7 @@ mod tests {
             let product = inner(&gradient, &y);
             let at_input = layer.convolve_transposed_gradient(CHANNELS[1], &gradient);
             near(product, inner(&at_input, &x));
-            near(
-                product,
-                along(&layer.transposed_parameter_gradient(&x, &gradient)),
-            );
+            near(product, along(&layer.transposed_parameter_gradient(&x, &gradient)));
         }
     }
 }

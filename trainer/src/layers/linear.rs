@@ -18,11 +18,7 @@ pub(crate) struct Matrix<'a> {
 impl<'a> Matrix<'a> {
     /// Creates a matrix with `inputs` columns.
     pub(crate) fn new(values: &'a [f32], inputs: usize) -> Self {
-        Self {
-            values,
-            outputs: values.len() / inputs,
-            inputs,
-        }
+        Self { values, outputs: values.len() / inputs, inputs }
     }
 
     /// Adds the product of the matrix and `x` to `y`.
@@ -62,11 +58,7 @@ pub(crate) fn matrix_gradient(x: &[Lanes], gradient: &[Lanes]) -> Vec<f32> {
             *value = lanes[window];
         }
     }
-    pulp::Arch::new().dispatch(OuterProduct {
-        by_window: &by_window,
-        gradient,
-        sums: &mut sums,
-    });
+    pulp::Arch::new().dispatch(OuterProduct { by_window: &by_window, gradient, sums: &mut sums });
     sums
 }
 

@@ -18,10 +18,8 @@ pub(crate) struct Pooled {
 /// first of equal values is the maximum.
 pub(crate) fn max_pool(x: &Volume, geometry: &Geometry) -> Pooled {
     let count = x.channels * product(geometry.pooled);
-    let mut pooled = Pooled {
-        values: Vec::with_capacity(count),
-        places: Vec::with_capacity(count),
-    };
+    let mut pooled =
+        Pooled { values: Vec::with_capacity(count), places: Vec::with_capacity(count) };
     let members: Vec<Vec<usize>> = pools(geometry);
     for channel in x.by_channel() {
         for members in &members {
@@ -67,9 +65,7 @@ impl Pooled {
         let mut values = Vec::with_capacity(self.places.len());
         for (channel, places) in x.by_channel().zip(places) {
             for places in places {
-                values.push(std::array::from_fn(|lane| {
-                    channel[usize::from(places[lane])][lane]
-                }));
+                values.push(std::array::from_fn(|lane| channel[usize::from(places[lane])][lane]));
             }
         }
         values
@@ -91,10 +87,7 @@ pub(crate) fn unpool_gradient(gradient: &Volume, geometry: &Geometry) -> Vec<Lan
     let sources = nearest(geometry);
     let per_channel = product(geometry.pooled);
     let mut values = vec![[0.0; LANES]; CONV2_CHANNELS * per_channel];
-    for (sums, channel) in values
-        .chunks_exact_mut(per_channel)
-        .zip(gradient.by_channel())
-    {
+    for (sums, channel) in values.chunks_exact_mut(per_channel).zip(gradient.by_channel()) {
         for (source, gradient) in sources.iter().zip(channel) {
             for (sum, gradient) in sums[*source].iter_mut().zip(gradient) {
                 *sum += gradient;

@@ -34,11 +34,7 @@ pub(super) struct Expanded {
 
 impl<'a> Autoencoder<'a> {
     pub(super) fn new(layout: &'a Layout, parameters: &'a Parameters) -> Self {
-        Self {
-            layout,
-            mode: parameters.mode(),
-            weights: &parameters.weights,
-        }
+        Self { layout, mode: parameters.mode(), weights: &parameters.weights }
     }
 
     /// Returns a convolution or transposed convolution from its kernels and bias, with the model's
@@ -140,9 +136,7 @@ impl<'a> Autoencoder<'a> {
 
     /// Returns the output of the encoder's first convolution and its ReLU.
     pub(super) fn first(&self, group: &Group) -> Volume {
-        let mut x = self
-            .convolution(&self.weights.encoder.conv1)
-            .convolve(&group.cells);
+        let mut x = self.convolution(&self.weights.encoder.conv1).convolve(&group.cells);
         x.rectify();
         x
     }
@@ -181,9 +175,7 @@ impl<'a> Autoencoder<'a> {
         } else {
             unpool(&flat, geometry)
         };
-        let mut hidden = self
-            .convolution(&decoder.conv1)
-            .convolve_transposed(&unpooled);
+        let mut hidden = self.convolution(&decoder.conv1).convolve_transposed(&unpooled);
         hidden.rectify();
         Expanded { unpooled, hidden }
     }

@@ -70,15 +70,13 @@ pub(super) fn gradients(
         .into_iter()
         .zip(second)
         .zip(expanded)
-        .map(
-            |((first, (normalised, second)), (encoded, expanded))| Activations {
-                first,
-                normalised,
-                second,
-                encoded,
-                expanded,
-            },
-        )
+        .map(|((first, (normalised, second)), (encoded, expanded))| Activations {
+            first,
+            normalised,
+            second,
+            encoded,
+            expanded,
+        })
         .collect();
     let pass = Backward {
         autoencoder,
@@ -99,9 +97,7 @@ fn each<R: Send>(groups: usize, f: impl Fn(usize) -> R + Sync) -> Vec<R> {
 
 /// Returns the moments of each channel of a volume, over the windows of all groups.
 fn moments<'a>(groups: &[Group], volume: impl Fn(usize) -> &'a Volume + Sync) -> Moments {
-    let moments = each(groups.len(), |at| {
-        Moments::new(volume(at), groups[at].windows)
-    });
+    let moments = each(groups.len(), |at| Moments::new(volume(at), groups[at].windows));
     let (first, rest) = moments.split_first().expect("a batch has windows");
     rest.iter().fold(first.clone(), Moments::merge)
 }
@@ -183,11 +179,7 @@ impl Backward<'_> {
         let factor = (2.0 / count) as f32;
         for (y, x) in window.iter_mut().zip(&group.electrodes) {
             for lane in 0..LANES {
-                y[lane] = if lane < group.windows {
-                    factor * (y[lane] - x[lane])
-                } else {
-                    0.0
-                };
+                y[lane] = if lane < group.windows { factor * (y[lane] - x[lane]) } else { 0.0 };
             }
         }
         let mut gradients = Weights::default();
@@ -202,11 +194,7 @@ impl Backward<'_> {
         gradients.decoder.conv2 = layer.transposed_parameter_gradient(&normalised, &cells);
         let output = layer.convolve_transposed_gradient(CONV1_CHANNELS, &cells);
         let norm = norm.parameter_gradient(hidden, &output);
-        let stage = Stage {
-            gradients,
-            norm,
-            output,
-        };
+        let stage = Stage { gradients, norm, output };
         (loss, (stage, at_code))
     }
 
@@ -235,23 +223,15 @@ impl Backward<'_> {
         };
         decoder.fc = linear_gradient(code, &flat);
         let mut at_code = at_code.to_vec();
-        self.autoencoder
-            .decoder_fc()
-            .multiply_transposed(&flat, &mut at_code);
+        self.autoencoder.decoder_fc().multiply_transposed(&flat, &mut at_code);
         if self.autoencoder.mode.has_shortcut() {
             encoder.shortcut.weight = matrix_gradient(&group.electrodes, &at_code);
         }
         encoder.fc = linear_gradient(&pooled.values, &at_code);
         let mut flat = vec![[0.0; LANES]; geometry.flat()];
-        self.autoencoder
-            .encoder_fc()
-            .multiply_transposed(&at_code, &mut flat);
+        self.autoencoder.encoder_fc().multiply_transposed(&at_code, &mut flat);
         let output = pooled.scatter(&flat, geometry);
-        Stage {
-            gradients,
-            norm: norm.parameter_gradient(&activations.second, &output),
-            output,
-        }
+        Stage { gradients, norm: norm.parameter_gradient(&activations.second, &output), output }
     }
 
     /// Backward pass from the encoder's second convolution to its first batch norm.
@@ -262,11 +242,7 @@ impl Backward<'_> {
         let mut gradients = Weights::default();
         gradients.encoder.conv2 = layer.parameter_gradient(&activations.normalised, gradient);
         let output = layer.convolve_gradient(CONV1_CHANNELS, gradient);
-        Stage {
-            gradients,
-            norm: norm.parameter_gradient(&activations.first, &output),
-            output,
-        }
+        Stage { gradients, norm: norm.parameter_gradient(&activations.first, &output), output }
     }
 }
 
@@ -277,8 +253,7 @@ fn add_stages(all: &mut Weights, stages: &[Stage]) -> NormGradient {
         add(all, &stage.gradients);
     }
     let (first, rest) = stages.split_first().expect("a batch has windows");
-    rest.iter()
-        .fold(first.norm.clone(), |sum, stage| sum.add(&stage.norm))
+    rest.iter().fold(first.norm.clone(), |sum, stage| sum.add(&stage.norm))
 }
 
 /// Adds `gradients` to `all`, tensor by tensor.
@@ -297,19 +272,12 @@ fn add(all: &mut Weights, gradients: &Weights) {
 
 /// Returns the gradient of a fully connected layer from its input and the gradient at its output.
 fn linear_gradient(x: &[Lanes], gradient: &[Lanes]) -> Layer {
-    Layer {
-        weight: matrix_gradient(x, gradient),
-        bias: gradient.iter().map(total).collect(),
-    }
+    Layer { weight: matrix_gradient(x, gradient), bias: gradient.iter().map(total).collect() }
 }
 
 impl From<NormGradient> for Norm {
     fn from(gradient: NormGradient) -> Self {
         let [weight, bias] = gradient.to_numbers();
-        Self {
-            weight,
-            bias,
-            ..Self::default()
-        }
+        Self { weight, bias, ..Self::default() }
     }
 }

@@ -38,9 +38,7 @@ impl Layout {
     /// Returns the electrode values (step, electrode) of a one-channel volume on the scalp grid.
     pub(super) fn gather(&self, volume: &Volume) -> Vec<Lanes> {
         let planes = volume.values.chunks_exact(self.geometry.dimensions.cells());
-        planes
-            .flat_map(|plane| self.cells.iter().map(|&cell| plane[cell]))
-            .collect()
+        planes.flat_map(|plane| self.cells.iter().map(|&cell| plane[cell])).collect()
     }
 }
 
@@ -59,11 +57,7 @@ impl Group {
     pub(super) fn new(layout: &Layout, windows: &[&Window]) -> Self {
         let dimensions = layout.geometry.dimensions;
         let electrodes = lanes(windows, dimensions.window_electrodes());
-        Self {
-            windows: windows.len(),
-            cells: layout.scatter(&electrodes),
-            electrodes,
-        }
+        Self { windows: windows.len(), cells: layout.scatter(&electrodes), electrodes }
     }
 
     /// Returns the sum of the squared errors of reconstructed electrodes, over all windows.
@@ -92,7 +86,5 @@ pub(super) fn lanes(vectors: &[&[f32]], length: usize) -> Vec<Lanes> {
 /// Returns the values of the first `windows` lanes, one lane after the other.
 pub(super) fn by_window(values: &[Lanes], windows: usize) -> Vec<f32> {
     let lanes = 0..windows;
-    lanes
-        .flat_map(|lane| values.iter().map(move |lanes| lanes[lane]))
-        .collect()
+    lanes.flat_map(|lane| values.iter().map(move |lanes| lanes[lane])).collect()
 }

@@ -27,11 +27,8 @@ fn changed(mut parameters: Parameters) -> Parameters {
         let values = tensor.of_mut(&mut parameters.weights);
         for (index, value) in values.iter_mut().enumerate() {
             let change = (index * 7 % 11) as f32 - 4.5;
-            *value += if tensor.name.ends_with("running_var") {
-                change.abs()
-            } else {
-                0.02 * change
-            };
+            *value +=
+                if tensor.name.ends_with("running_var") { change.abs() } else { 0.02 * change };
         }
     }
     parameters
@@ -81,9 +78,7 @@ fn network_and_trace_equal_the_artifacts_float_encoder_and_decoder() {
     let windows = dataset.aligned(16);
     assert_eq!(windows.len(), 20);
     let trace = network().trace(&parameters, &windows);
-    let traces = windows
-        .iter()
-        .map(|window| encoder.encode_traced(&grid.scatter(window)));
+    let traces = windows.iter().map(|window| encoder.encode_traced(&grid.scatter(window)));
     let traces: Vec<_> = traces.collect();
     let expected: Vec<f32> = traces.iter().flat_map(|trace| trace.code.clone()).collect();
     let size = expected.iter().fold(1.0_f32, |a, b| a.max(b.abs()));
@@ -92,10 +87,7 @@ fn network_and_trace_equal_the_artifacts_float_encoder_and_decoder() {
         assert!((a - b).abs() < 1e-4 * size, "{a} {b}");
     }
     let largest = |of: fn(&artifact::TracedCode) -> f32| traces.iter().map(of).fold(0.0, f32::max);
-    let expected = [
-        largest(|trace| trace.activation1_max),
-        largest(|trace| trace.activation2_max),
-    ];
+    let expected = [largest(|trace| trace.activation1_max), largest(|trace| trace.activation2_max)];
     for (a, b) in trace.activations.iter().zip(expected) {
         assert!((a - b).abs() < 1e-4 * b, "{a} {b}");
     }
@@ -129,19 +121,11 @@ fn compare_gradients(network: &Network, parameters: &Parameters, places: &[(&str
 fn gradients_of_index_unpooling_equal_finite_differences() {
     let mut description = testing::description();
     description.mode = Mode::Paper;
-    let parameters = changed(Parameters::initial(
-        Mode::Paper,
-        testing::geometry(),
-        &[],
-        3,
-    ));
+    let parameters = changed(Parameters::initial(Mode::Paper, testing::geometry(), &[], 3));
     // The loss jumps where a pool's maximum moves to another position, so layers before the pool
     // are left out.
-    let places = [
-        ("encoder.fc.weight", 5000),
-        ("decoder.fc.bias", 100),
-        ("decoder.conv1.weight", 700),
-    ];
+    let places =
+        [("encoder.fc.weight", 5000), ("decoder.fc.bias", 100), ("decoder.conv1.weight", 700)];
     compare_gradients(&Network::new(&description), &parameters, &places);
 }
 
@@ -189,14 +173,7 @@ fn networks_of_other_shapes_equal_the_artifacts_float_encoder_and_decoder() {
         (Mode::PaperCodeOnly, Padding::All, 32),
         (Mode::Shortcut, Padding::Space, 32),
     ] {
-        let shape = Shape {
-            mode,
-            numbers: 20,
-            steps,
-            hop: 4,
-            padding,
-            format: CodeFormat::Int8,
-        };
+        let shape = Shape { mode, numbers: 20, steps, hop: 4, padding, format: CodeFormat::Int8 };
         let description = card::description(&montage, shape);
         let geometry = Geometry::new(&description);
         let window = geometry.dimensions.window_electrodes();

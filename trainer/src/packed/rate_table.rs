@@ -32,16 +32,10 @@ pub(crate) struct RateTable<'f>(pub &'f [RateFigures]);
 impl fmt::Display for RateTable<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "                                               MSE")?;
-        writeln!(
-            f,
-            "rate   bits of a block   longest   at once   block later"
-        )?;
+        writeln!(f, "rate   bits of a block   longest   at once   block later")?;
         for figures in self.0 {
             let [rate, bits, longest, mse, later] = cells(figures);
-            writeln!(
-                f,
-                "{rate:>4} {bits:>17} {longest:>7} B {mse:>9} {later:>13}"
-            )?;
+            writeln!(f, "{rate:>4} {bits:>17} {longest:>7} B {mse:>9} {later:>13}")?;
         }
         Ok(())
     }

@@ -45,9 +45,7 @@ pub(super) fn train(
     if let Some(target) = options.target_mse {
         let rate = coarsest_within(&figures, target)?;
         model.description.rate = rate;
-        observer.message(&format!(
-            "rate {rate} is the coarsest with an error of at most {target}"
-        ));
+        observer.message(&format!("rate {rate} is the coarsest with an error of at most {target}"));
     }
     observer.message("fitting the transform without prediction, to compare ...");
     let without = without_prediction(&model, &tracks.train, tested, description)?;
@@ -58,10 +56,7 @@ pub(super) fn train(
         card.figures = rounded(&figures);
         card.without_prediction = rounded(&without);
     }
-    let trained = PackedTrained {
-        figures,
-        without_prediction: without,
-    };
+    let trained = PackedTrained { figures, without_prediction: without };
     Ok((model, trained))
 }
 
@@ -69,10 +64,7 @@ pub(super) fn train(
 fn coarsest_within(figures: &[RateFigures], target: f64) -> Result<u8, TrainerError> {
     let within = figures.iter().rev().find(|figures| figures.mse <= target);
     within.map(|figures| figures.rate).ok_or_else(|| {
-        let least = figures
-            .iter()
-            .map(|figures| figures.mse)
-            .fold(f64::INFINITY, f64::min);
+        let least = figures.iter().map(|figures| figures.mse).fold(f64::INFINITY, f64::min);
         TrainerError::TargetOutOfReach { target, least }
     })
 }

@@ -31,10 +31,7 @@ pub(super) fn add(report: &mut Report, trained: &Trained) -> Result<(), TrainerE
          to the largest. The sign of a whole pattern means nothing.",
         &patterns_csv(trained),
     )?;
-    let figures = [
-        ("Each left out in turn", &training.cross_validation),
-        ("Test", &training.test),
-    ];
+    let figures = [("Each left out in turn", &training.cross_validation), ("Test", &training.test)];
     for (title, figures) in figures {
         if let Some(figures) = figures {
             add_figures(report, trained, title, figures);
@@ -84,10 +81,7 @@ fn patterns(trained: &Trained) -> Patterns {
     let patterns = filters.iter().enumerate().map(|(index, filter)| {
         let class = &classes[index / per_class].event;
         let values = filter.pattern.iter().map(|&value| f64::from(value));
-        (
-            format!("filter {}, strong in {class}", index + 1),
-            values.collect(),
-        )
+        (format!("filter {}, strong in {class}", index + 1), values.collect())
     });
     let electrodes = trained.electrodes.iter();
     Patterns {
@@ -103,12 +97,7 @@ fn patterns_csv(trained: &Trained) -> String {
     for (index, filter) in trained.classifier.filters.iter().enumerate() {
         let electrodes = trained.electrodes.iter().zip(&filter.pattern);
         for (((label, _), pattern), weight) in electrodes.zip(&filter.weights) {
-            let _ = writeln!(
-                text,
-                "{},{},{pattern},{weight}",
-                index + 1,
-                csv_field(label)
-            );
+            let _ = writeln!(text, "{},{},{pattern},{weight}", index + 1, csv_field(label));
         }
     }
     text
@@ -125,19 +114,11 @@ fn course(trained: &Trained) -> Lines {
     let mut series: Vec<Series> = series.collect();
     let line = |label: &str, points| Series::new(label, FAINT, Mark::ThinLine, points);
     let [start_s, end_s] = trained.classifier.training.trial_s;
-    let times: Vec<f64> = trained
-        .courses
-        .iter()
-        .flatten()
-        .map(|(seconds, _)| *seconds)
-        .collect();
+    let times: Vec<f64> = trained.courses.iter().flatten().map(|(seconds, _)| *seconds).collect();
     let ends = [times.first(), times.last()].into_iter().flatten();
     let equal = 1.0 / classes.len() as f64;
     series.extend([
-        line(
-            "equal probability",
-            ends.map(|seconds| (*seconds, equal)).collect(),
-        ),
+        line("equal probability", ends.map(|seconds| (*seconds, equal)).collect()),
         line("event", vec![(0.0, 0.0), (0.0, 1.0)]),
         line("", vec![(end_s, 0.0), (end_s, 1.0)]),
     ]);

@@ -31,15 +31,7 @@ pub(super) fn add(report: &mut Report, table: &Table) -> Result<(), TrainerError
 }
 
 fn figures(table: &Table) -> Vec<Vec<String>> {
-    let head = [
-        "subject",
-        "folds",
-        "model",
-        "codes",
-        "MSE",
-        "MSE, uV²",
-        "PRD, %",
-    ];
+    let head = ["subject", "folds", "model", "codes", "MSE", "MSE, uV²", "PRD, %"];
     let mut rows = vec![head.map(str::to_owned).to_vec()];
     rows.extend(table.rows().iter().map(|row| row.cells().to_vec()));
     rows
@@ -100,8 +92,7 @@ fn folds(table: &Table) -> Lines {
             axis.ticks.push((place, "mean ± SD".to_owned()));
         } else {
             let subject = &rows[0].subject;
-            axis.ticks
-                .push((f64::midpoint(first, place), subject.clone()));
+            axis.ticks.push((f64::midpoint(first, place), subject.clone()));
         }
         place += 2.0;
     }
@@ -114,11 +105,7 @@ fn folds(table: &Table) -> Lines {
         title: "Test error of each fold".to_owned(),
         subtitle: match subjects.as_slice() {
             [outcomes] => format!("subject {}, {} folds", outcomes[0].subject, outcomes.len()),
-            several => format!(
-                "{} subjects, {} folds",
-                several.len(),
-                table.outcomes().len()
-            ),
+            several => format!("{} subjects, {} folds", several.len(), table.outcomes().len()),
         },
         x: axis,
         y: Axis::new(MSE, Scale::Linear),

@@ -53,22 +53,14 @@ pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), Tr
 }
 
 fn figures(mode: Mode, codes: &CodeComparison) -> Vec<Vec<String>> {
-    let head = [
-        "model",
-        "codes",
-        "bits per window",
-        "MSE",
-        "MSE, uV²",
-        "PRD",
-    ];
+    let head = ["model", "codes", "bits per window", "MSE", "MSE, uV²", "PRD"];
     let mut rows = vec![head.map(str::to_owned).to_vec()];
     for (name, errors) in codes.models(&mode.to_string(), mode) {
         let bits = codes.bits_per_window().to_string();
         let format = errors.format.to_string();
-        for (format, bits, error) in [
-            ("float".to_owned(), String::new(), errors.float),
-            (format, bits, errors.integer),
-        ] {
+        for (format, bits, error) in
+            [("float".to_owned(), String::new(), errors.float), (format, bits, errors.integer)]
+        {
             rows.push(vec![
                 name.clone(),
                 format,
@@ -127,11 +119,7 @@ pub(super) fn places<'a>(
             /// small that the corners of the grid are on the head.
             const REACH: f64 = 0.65;
             let part = cell as f64 / largest.max(1) as f64;
-            if largest == 0 {
-                0.0
-            } else {
-                REACH * (2.0 * part - 1.0)
-            }
+            if largest == 0 { 0.0 } else { REACH * (2.0 * part - 1.0) }
         };
         let place = |cell: [usize; 2]| [on_side(cell[1], columns), -on_side(cell[0], rows)];
         cells.map(place).collect()
@@ -140,9 +128,7 @@ pub(super) fn places<'a>(
 
 /// Returns label and cell of each electrode.
 pub(super) fn cells(errors: &[ElectrodeError]) -> impl Iterator<Item = (&str, [usize; 2])> + Clone {
-    errors
-        .iter()
-        .map(|error| (error.label.as_str(), error.cell))
+    errors.iter().map(|error| (error.label.as_str(), error.cell))
 }
 
 fn electrodes_csv(codes: &CodeComparison, sd_uv: f64) -> String {
@@ -150,18 +136,8 @@ fn electrodes_csv(codes: &CodeComparison, sd_uv: f64) -> String {
         "electrode,row,column,origin,mse_float,mse_int8,mse_uv2_float,mse_uv2_int8\n".to_owned();
     let unit = sd_uv.powi(2);
     for error in &codes.electrode_errors {
-        let ElectrodeError {
-            label,
-            cell: [row, column],
-            is_recorded,
-            mse_float,
-            mse_int8,
-        } = error;
-        let origin = if *is_recorded {
-            "measured"
-        } else {
-            "interpolated"
-        };
+        let ElectrodeError { label, cell: [row, column], is_recorded, mse_float, mse_int8 } = error;
+        let origin = if *is_recorded { "measured" } else { "interpolated" };
         let _ = writeln!(
             text,
             "{},{row},{column},{origin},{mse_float},{mse_int8},{},{}",
@@ -187,10 +163,7 @@ mod tests {
     #[test]
     fn a_label_without_a_place_puts_all_electrodes_at_their_cells() {
         let places = places([("Cz", [0, 1]), ("E7", [0, 0]), ("E8", [2, 2])].into_iter());
-        for (place, expected) in places
-            .iter()
-            .zip([[0.0, 0.65], [-0.65, 0.65], [0.65, -0.65]])
-        {
+        for (place, expected) in places.iter().zip([[0.0, 0.65], [-0.65, 0.65], [0.65, -0.65]]) {
             let distance = (place[0] - expected[0]).hypot(place[1] - expected[1]);
             assert!(distance < 1e-9, "{place:?} is not {expected:?}");
         }

@@ -24,11 +24,7 @@ pub(super) fn add(report: &mut Report, learning: &Learning) -> Result<(), Traine
 }
 
 fn lines(learning: &Learning) -> Lines {
-    let Learning {
-        curve,
-        best_epoch,
-        pca_validation,
-    } = learning;
+    let Learning { curve, best_epoch, pca_validation } = learning;
     let validation = numbered(curve.validations(), 0);
     let best = usize::try_from(*best_epoch).ok();
     let best = best.and_then(|epoch| validation.get(epoch)).copied();

@@ -37,13 +37,7 @@ pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), Tr
 }
 
 fn table(packed: &[RateFigures]) -> Vec<Vec<String>> {
-    let head = [
-        "rate",
-        "bits of a hop",
-        "longest, bytes",
-        "MSE at once",
-        "MSE a block later",
-    ];
+    let head = ["rate", "bits of a hop", "longest, bytes", "MSE at once", "MSE a block later"];
     let mut rows = vec![head.map(str::to_owned).to_vec()];
     rows.extend(packed.iter().map(|figures| cells(figures).to_vec()));
     rows
@@ -85,11 +79,7 @@ fn lines(comparison: &Comparison) -> Lines {
     }
     Lines {
         title: "Packed code: rate and error".to_owned(),
-        subtitle: format!(
-            "model {}, on {}",
-            comparison.model,
-            comparison.recordings.join(", ")
-        ),
+        subtitle: format!("model {}, on {}", comparison.model, comparison.recordings.join(", ")),
         x: Axis::new("bits of a hop".to_owned(), Scale::Logarithmic),
         y: Axis::new(MSE, Scale::Logarithmic),
         series,
@@ -102,13 +92,7 @@ fn lines(comparison: &Comparison) -> Lines {
 fn csv(comparison: &Comparison) -> String {
     let mut text = "model,rate,numbers,bits_per_hop,mse,mse_a_block_later\n".to_owned();
     for figures in &comparison.packed {
-        let RateFigures {
-            rate,
-            bits,
-            mse,
-            mse_smoothed,
-            ..
-        } = figures;
+        let RateFigures { rate, bits, mse, mse_smoothed, .. } = figures;
         let _ = writeln!(text, "packed,{rate},,{bits},{mse},{mse_smoothed}");
     }
     for figures in &comparison.without_prediction {

@@ -71,10 +71,7 @@ fn scalp_map(error: &PersonError) -> ScalpMap {
     });
     ScalpMap {
         places: places.collect(),
-        title: format!(
-            "{}: error without substitution over with",
-            error.person.subject
-        ),
+        title: format!("{}: error without substitution over with", error.person.subject),
         subtitle: format!("mean over the good electrodes: {off:.2} µV² over {on:.2} µV²"),
         unit: "times".to_owned(),
     }
@@ -84,10 +81,8 @@ fn csv(people: &[PersonError]) -> String {
     let mut text = "subject,electrode,is_bad,mse_uv2_on,mse_uv2_off\n".to_owned();
     for error in people {
         for (label, [on, off]) in error.of_electrodes() {
-            let (subject, is_bad) = (
-                csv_field(&error.person.subject),
-                error.person.bad.iter().any(|bad| bad == label),
-            );
+            let (subject, is_bad) =
+                (csv_field(&error.person.subject), error.person.bad.iter().any(|bad| bad == label));
             let label = csv_field(label);
             let _ = writeln!(text, "{subject},{label},{is_bad},{on},{off}");
         }

@@ -25,10 +25,7 @@ const UNITS_PER_UV2: f64 = 256.0;
 pub(super) fn weights(tracks: &[Track], electrodes: usize) -> Result<Vec<i8>, TrainerError> {
     let seconds = tracks.iter().map(|track| track.steps() / SECOND).sum();
     if seconds < electrodes {
-        return Err(TrainerError::TooFewSeconds {
-            seconds,
-            electrodes,
-        });
+        return Err(TrainerError::TooFewSeconds { seconds, electrodes });
     }
     let prediction = prediction(tracks).ok_or(FitError::Silent)?;
     let weight = |index: usize| {
@@ -78,10 +75,7 @@ pub(super) fn figures(
         }
     }
     let interpolated = interpolated(electrodes, tracks);
-    let errors = electrodes
-        .iter()
-        .zip(energies)
-        .filter(|(label, _)| !interpolated.contains(label));
+    let errors = electrodes.iter().zip(energies).filter(|(label, _)| !interpolated.contains(label));
     let errors = errors.map(|(label, [innovation, signal])| (innovation / signal, label));
     let errors: Vec<(f64, &String)> = errors.collect();
     let (worst, label) = errors.iter().max_by(|(a, _), (b, _)| a.total_cmp(b))?;
@@ -156,14 +150,8 @@ mod tests {
         };
         let figures = figures(&table, &tracks, &LABELS.map(str::to_owned)).unwrap();
         let [median, worst] = [0, 1].map(|index| number(&numpy["figures"][index]));
-        assert!(
-            (figures.median_nmse - median).abs() < 1e-6,
-            "{figures:?} {numpy}"
-        );
-        assert!(
-            (figures.worst_nmse - worst).abs() < 1e-6,
-            "{figures:?} {numpy}"
-        );
+        assert!((figures.median_nmse - median).abs() < 1e-6, "{figures:?} {numpy}");
+        assert!((figures.worst_nmse - worst).abs() < 1e-6, "{figures:?} {numpy}");
         assert_eq!(numpy["figures"][2], figures.worst_electrode.as_str());
     }
 }

@@ -58,10 +58,7 @@ pub(crate) fn largest_radius(
         let radius = spectral_radius(&table.weights, labels.len(), &set);
         if radius >= 1.0 {
             let labels = set.iter().map(|&electrode| labels[electrode].clone());
-            return Err(TrainerError::NoConvergence {
-                labels: labels.collect(),
-                radius,
-            });
+            return Err(TrainerError::NoConvergence { labels: labels.collect(), radius });
         }
         largest = largest.max(radius);
     }
@@ -96,9 +93,8 @@ pub(crate) fn filled(track: &Track, table: &SubstitutionTable) -> Track {
 fn spectral_radius(weights: &[i8], electrodes: usize, set: &[usize]) -> f64 {
     let size = set.len();
     let weight = |row: usize, column: usize| weights[set[row] * electrodes + set[column]];
-    let coupling = DMatrix::from_fn(size, size, |row, column| {
-        f64::from(weight(row, column)) / 128.0
-    });
+    let coupling =
+        DMatrix::from_fn(size, size, |row, column| f64::from(weight(row, column)) / 128.0);
     let above = coupling.upper_triangle();
     // The triangle has ones on its diagonal, so there is always a solution.
     let triangle = DMatrix::identity(size, size) - coupling.lower_triangle();
@@ -164,16 +160,11 @@ mod tests {
     #[test]
     fn a_table_that_does_not_converge_is_refused_with_its_electrodes() {
         let description = crate::testing::description();
-        let mut table = any_model::any_artifact(
-            1,
-            artifact::Mode::Pca,
-            artifact::Padding::None,
-            [2, 2, 2],
-            8,
-        )
-        .unwrap()
-        .substitution
-        .unwrap();
+        let mut table =
+            any_model::any_artifact(1, artifact::Mode::Pca, artifact::Padding::None, [2, 2, 2], 8)
+                .unwrap()
+                .substitution
+                .unwrap();
         let radius = largest_radius(&table, &description).unwrap();
         assert!((0.1..1.0).contains(&radius), "{radius}");
         // Electrodes 17, 18 and 19 are neighbours, and predict each other with weights of nearly 1.
@@ -181,14 +172,9 @@ mod tests {
             table.weights[electrode * 61 + other] = 127;
         }
         let error = largest_radius(&table, &description).unwrap_err();
-        let TrainerError::NoConvergence { labels, radius } = &error else {
-            panic!("{error}")
-        };
+        let TrainerError::NoConvergence { labels, radius } = &error else { panic!("{error}") };
         let near = [17, 18, 19].map(|electrode| &description.montage.electrodes[electrode]);
-        assert!(
-            near.iter().filter(|label| labels.contains(label)).count() > 1,
-            "{error}"
-        );
+        assert!(near.iter().filter(|label| labels.contains(label)).count() > 1, "{error}");
         assert!(labels.len() == 12 && *radius > 1.0, "{error}");
     }
 }

@@ -135,14 +135,8 @@ fn a_file_that_cannot_be_calibrated_or_disagrees_with_its_reference() {
 fn specifications_with_a_wrong_field_montage_name_or_mode() {
     for (spec, expected) in [
         (SPEC.replace("sd_uv", "sd"), "unknown field `sd`"),
-        (
-            SPEC.replace("sd_uv", "sd"),
-            "docs/importing.md has an example",
-        ),
-        (
-            SPEC.replace("ten-ten-61", "nowhere"),
-            "cannot read the montage",
-        ),
+        (SPEC.replace("sd_uv", "sd"), "docs/importing.md has an example"),
+        (SPEC.replace("ten-ten-61", "nowhere"), "cannot read the montage"),
         (SPEC.replace("\"shortcut\"", "\"paper\""), "paper-code-only"),
         (
             format!("{SPEC}[names]\n\"encoder.conv9\" = \"x\"\n"),

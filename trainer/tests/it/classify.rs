@@ -16,9 +16,7 @@ fn write_trials(folder: &Folder, name: &str, seed: u64) {
     let mix = |at: usize, [a, b, c]: [f32; 3]| {
         let row = count / LABELS.len() as u64;
         count += 1;
-        let class = events
-            .get((row / PERIOD) as usize)
-            .map_or(769, |event| event.1);
+        let class = events.get((row / PERIOD) as usize).map_or(769, |event| event.1);
         let [left, right] = if class == 769 { [3.0, 1.0] } else { [1.0, 3.0] };
         match LABELS[at] {
             "C3" => left * a + c,
@@ -26,14 +24,7 @@ fn write_trials(folder: &Folder, name: &str, seed: u64) {
             _ => c + 0.2 * (a + b),
         }
     };
-    write_gdf(
-        &folder.path(name),
-        &LABELS,
-        (250, 120),
-        (seed, 5.0),
-        mix,
-        &events,
-    );
+    write_gdf(&folder.path(name), &LABELS, (250, 120), (seed, 5.0), mix, &events);
 }
 
 #[test]
@@ -44,23 +35,14 @@ fn an_evaluation_states_what_classifiers_lose_and_less_with_a_weighted_code() {
     }
     let figures = |weight: &str| {
         let packed = "packed --montage=cyton-8.toml --out=model --force --mains=50";
-        folder.succeed(&format!(
-            "{packed} --coefficients=32 --train=run1,run2 {weight}"
-        ));
+        folder.succeed(&format!("{packed} --coefficients=32 --train=run1,run2 {weight}"));
         let evaluate = "evaluate --artifact=model --test=run1,run2 --json";
         let without = folder.json(evaluate);
         let row = &without["classifiers"]["codes"][4];
-        assert!(
-            row["auc"].is_null() && row["snr_db"].is_number(),
-            "{without}"
-        );
+        assert!(row["auc"].is_null() && row["snr_db"].is_number(), "{without}");
         let json = folder.json(&format!("{evaluate} --events=769,770"));
         let classifiers = &json["classifiers"];
-        assert!(
-            classifiers["original_auc"]
-                .as_f64()
-                .is_some_and(|auc| auc > 0.95)
-        );
+        assert!(classifiers["original_auc"].as_f64().is_some_and(|auc| auc > 0.95));
         let figure = |rate: usize, name: &str| classifiers["codes"][rate][name].as_f64();
         // The finest rate allows good decisions; at the coarsest rate, the error hides the signal.
         assert!(figure(0, "auc").is_some_and(|auc| auc > 0.95), "{json}");
@@ -72,10 +54,8 @@ fn an_evaluation_states_what_classifiers_lose_and_less_with_a_weighted_code() {
     for (weighted, plain) in weighted.iter().zip(plain) {
         assert!(*weighted > plain, "{weighted} {plain}");
     }
-    folder.fail(
-        "packed --montage=cyton-8.toml --out=model --mains=50 --train=run1 --strength=2",
-        2,
-    );
+    folder
+        .fail("packed --montage=cyton-8.toml --out=model --mains=50 --train=run1 --strength=2", 2);
     let show = folder.succeed("show model");
     assert_has(&show, &["errors at 8 to 30 Hz weighted by 3"]);
 }
@@ -110,9 +90,7 @@ fn recordings_with_events_become_a_classifier_with_a_report() {
         assert!(page.contains(text), "{text} in {page}");
     }
     // The trials of a single recording are divided into blocks.
-    let printed = folder.succeed(&format!(
-        "{classify} --force --events=769=1,770=2 --train=run1"
-    ));
+    let printed = folder.succeed(&format!("{classify} --force --events=769=1,770=2 --train=run1"));
     assert_has(&printed, &["block 5 of 5", "without quantisation"]);
 
     for (arguments, status, words) in [
@@ -124,20 +102,12 @@ fn recordings_with_events_become_a_classifier_with_a_report() {
         ),
         ("--force --events=769", 2, "two or more classes"),
         ("--force --events=769,T1", 2, "T1 is no code"),
-        (
-            "--force --events=769,770 --filters=5",
-            2,
-            "cannot be divided among 2 classes",
-        ),
+        ("--force --events=769,770 --filters=5", 2, "cannot be divided among 2 classes"),
         ("--force --events=769,770 --filters=10", 2, "at most 8"),
         ("--force --events=769,770 --band=0.2..30", 2, "1 to 60 Hz"),
         ("--force --events=769,770 --band=20..20", 2, "ascending"),
         ("--force --events=769,770 --window=4", 2, "--window 4"),
-        (
-            "--force --events=769,770 --trial=0..60",
-            1,
-            "at least 10 are needed",
-        ),
+        ("--force --events=769,770 --trial=0..60", 1, "at least 10 are needed"),
     ] {
         let error = folder.fail(&format!("{classify} {arguments} --train=run1"), status);
         assert_has(&error, &[words]);

@@ -46,10 +46,7 @@ fn one_recording_is_divided_into_blocks_and_too_few_runs_are_refused() {
     let error = folder.fail(&crossval("pca", "--out=out --blocks=1"), 2);
     assert!(error.contains("1 runs or blocks for 2 folds"), "{error}");
     let table = folder.succeed(&crossval("pca", "--out=out --subject=me"));
-    assert_has(
-        &table,
-        &["| me | 4 | PCA-16 | float | yes |", "blocks, 4 in each run"],
-    );
+    assert_has(&table, &["| me | 4 | PCA-16 | float | yes |", "blocks, 4 in each run"]);
 }
 
 #[test]
@@ -98,10 +95,7 @@ fn index_unpooling_is_compared_but_not_called_decodable() {
     let folder = Folder::with_runs(2, 24);
     let crossval = "--mode=paper --folds=2 --repetitions=1 --epochs=1 --out=out";
     let table = folder.succeed(&format!("crossval {SMALL} {crossval}"));
-    assert_has(
-        &table,
-        &["| all | 2 | paper | float | no |", "PCA-16 | integer | yes"],
-    );
+    assert_has(&table, &["| all | 2 | paper | float | no |", "PCA-16 | integer | yes"]);
     assert!(!table.contains("paper | integer"), "{table}");
 }
 
@@ -112,13 +106,7 @@ fn each_person_is_tested_with_a_model_of_the_others() {
     let table = folder.succeed(&format!(
         "crossval {small} --mode=pca --data=[A-C]1 --leave-one-person-out --out=out"
     ));
-    assert_has(
-        &table,
-        &[
-            "| all | 3 | PCA-16 | float | yes |",
-            "each of A1 B1 C1 with a model",
-        ],
-    );
+    assert_has(&table, &["| all | 3 | PCA-16 | float | yes |", "each of A1 B1 C1 with a model"]);
     // `trainer train` trains the same model on the others; its card has the error on the left-out
     // person.
     let table = Values::read(&folder.path("out/table.csv"));

@@ -27,10 +27,7 @@ impl Exported {
         Self {
             dtype: Dtype::F32,
             shape: shape.to_vec(),
-            bytes: values
-                .iter()
-                .flat_map(|value| value.to_le_bytes())
-                .collect(),
+            bytes: values.iter().flat_map(|value| value.to_le_bytes()).collect(),
         }
     }
 }
@@ -47,21 +44,15 @@ pub(crate) fn export(model: &Artifact) -> File {
     let mut file = File::new();
     insert_all(&mut file, "", &model.weights);
     for norm in ["encoder.norm1", "encoder.norm2", "decoder.norm1"] {
-        let counter = Exported {
-            dtype: Dtype::I64,
-            shape: Vec::new(),
-            bytes: 7_i64.to_le_bytes().to_vec(),
-        };
+        let counter =
+            Exported { dtype: Dtype::I64, shape: Vec::new(), bytes: 7_i64.to_le_bytes().to_vec() };
         file.insert(format!("{norm}.num_batches_tracked"), counter);
     }
     let dimensions = model.description.dimensions();
     let window = [1, dimensions.steps, dimensions.rows, dimensions.columns];
     let windows = any_model::windows(2, model, WINDOWS);
     let encoder = FloatEncoder::new(model).expect("an encoder");
-    let codes: Vec<_> = windows
-        .iter()
-        .map(|window| encoder.encode(window))
-        .collect();
+    let codes: Vec<_> = windows.iter().map(|window| encoder.encode(window)).collect();
     let decoder = FloatDecoder::new(model).expect("a decoder");
     let grid = ScalpGrid::new(&model.description);
     let on_grid = |code: &Vec<f32>| grid.scatter(&decoder.decode(code));
@@ -95,8 +86,5 @@ pub(crate) fn write(folder: &Folder, file: &File, spec: &str) {
     });
     let bytes = safetensors::serialize(views, None).expect("a file");
     std::fs::write(folder.path("network.safetensors"), bytes).expect("a new file");
-    folder.write(
-        "network.toml",
-        &spec.replace("MONTAGES", any_model::MONTAGES),
-    );
+    folder.write("network.toml", &spec.replace("MONTAGES", any_model::MONTAGES));
 }

@@ -35,9 +35,7 @@ pub(crate) fn points(path: &Path, color: &str) -> Vec<usize> {
     let lines = elements(path, "polyline");
     let lines = lines.iter().filter(|line| line.contains(color));
     let points = lines.filter_map(|line| line.split("points=").nth(1)?.split(';').next());
-    points
-        .map(|points| points.split_whitespace().count())
-        .collect()
+    points.map(|points| points.split_whitespace().count()).collect()
 }
 
 /// A CSV file: the names of its columns, and the values in the other lines as text.

@@ -42,11 +42,7 @@ fn relative_code_error(model: &Artifact) -> f64 {
     let (mut error, mut energy) = (0.0, 0.0);
     for window in windows(3, model, WINDOWS) {
         let code = integers.encode_window(&quantised(model, &integers, &window));
-        for (integer, float) in integers
-            .dequantise(&code)
-            .iter()
-            .zip(encoder.encode(&window))
-        {
+        for (integer, float) in integers.dequantise(&code).iter().zip(encoder.encode(&window)) {
             error += f64::from(integer - float).powi(2);
             energy += f64::from(float).powi(2);
         }
@@ -56,10 +52,7 @@ fn relative_code_error(model: &Artifact) -> f64 {
 
 fn values<'t>(tensors: &'t Tensors, name: &str) -> &'t [f32] {
     let shapes: Vec<_> = tensors.shapes().collect();
-    let (_, shape) = shapes
-        .iter()
-        .find(|(found, _)| *found == name)
-        .expect("a tensor");
+    let (_, shape) = shapes.iter().find(|(found, _)| *found == name).expect("a tensor");
     tensors.tensor(name, shape).expect("its own shape")
 }
 
@@ -69,22 +62,11 @@ fn an_exported_network_is_imported_with_its_weights_and_codes() {
     let network = network();
     let (model, printed) = import(&folder, &network, SPEC, |_| {});
     assert_eq!(model.weights, network.weights);
-    assert_has(
-        &printed,
-        &["The codes of 24 windows equal the exported network's within"],
-    );
+    assert_has(&printed, &["The codes of 24 windows equal the exported network's within"]);
     assert_has(&printed, &["their reconstructions within"]);
     let card = &model.description.training;
-    assert!(
-        card.note
-            .starts_with("Imported from network.safetensors, SHA-256 "),
-        "{}",
-        card.note
-    );
-    assert_eq!(
-        (card.optimiser.as_str(), card.dataset.as_str()),
-        ("imported", "random")
-    );
+    assert!(card.note.starts_with("Imported from network.safetensors, SHA-256 "), "{}", card.note);
+    assert_eq!((card.optimiser.as_str(), card.dataset.as_str()), ("imported", "random"));
     // The bound is wide, because random networks amplify the rounding of their inputs more than
     // trained networks.
     let error = relative_code_error(&model);
@@ -129,17 +111,8 @@ fn ranges_can_replace_the_windows_of_the_calibration_and_no_reference_is_a_warni
         insert_all(file, "calibration.", &network.calibration);
     });
     assert_eq!(model.calibration, network.calibration);
-    assert!(
-        printed.starts_with("warning: the file has no reference.windows"),
-        "{printed}"
-    );
-    assert!(
-        model
-            .description
-            .training
-            .note
-            .ends_with("Not compared with the exported network.")
-    );
+    assert!(printed.starts_with("warning: the file has no reference.windows"), "{printed}");
+    assert!(model.description.training.note.ends_with("Not compared with the exported network."));
 }
 
 #[test]
@@ -155,14 +128,9 @@ fn a_silent_channel_is_held_constant_and_reported() {
     }
     let mut bias = values(&network.weights, "encoder.conv2.bias").to_vec();
     bias[17] = -1e3;
-    network
-        .weights
-        .insert("encoder.conv2.bias", &[channels], bias);
+    network.weights.insert("encoder.conv2.bias", &[channels], bias);
     let (model, printed) = import(&folder, &network, SPEC, |_| {});
-    assert_has(
-        &printed,
-        &["warning: 1 channels of the convolutions never vary"],
-    );
+    assert_has(&printed, &["warning: 1 channels of the convolutions never vary"]);
     let held = values(&model.weights, "encoder.norm2.weight")[17];
     assert!(held.abs() < f32::EPSILON, "{held}");
 }
@@ -192,9 +160,7 @@ const PYTHONS: [&str; 2] = ["python3", "/usr/bin/python3"];
 
 /// Returns the code block of [`PAGE`] that starts with the line `first_line`.
 fn block(first_line: &str) -> &'static str {
-    let (_, rest) = PAGE
-        .split_once(&format!("{first_line}\n"))
-        .expect("a block of the page");
+    let (_, rest) = PAGE.split_once(&format!("{first_line}\n")).expect("a block of the page");
     rest.split_once("\n```").expect("the end of the block").0
 }
 
@@ -202,16 +168,11 @@ fn block(first_line: &str) -> &'static str {
 fn the_pages_program_exports_a_network_that_the_import_accepts() {
     let imports = |python: &&&str| {
         let mut command = Command::new(python);
-        let output = command
-            .args(["-c", "import torch, safetensors.torch"])
-            .output();
+        let output = command.args(["-c", "import torch, safetensors.torch"]).output();
         output.is_ok_and(|output| output.status.success())
     };
     let Some(python) = PYTHONS.iter().find(imports) else {
-        let why = format!(
-            "neither {} imports torch and safetensors",
-            PYTHONS.join(" nor ")
-        );
+        let why = format!("neither {} imports torch and safetensors", PYTHONS.join(" nor "));
         skip("docs/importing.md", &why);
         return;
     };
@@ -221,10 +182,7 @@ fn the_pages_program_exports_a_network_that_the_import_accepts() {
     let spec = block("# network.toml").replace("files/montages/", &montages);
     folder.write("network.toml", &spec);
     let mut command = Command::new(python);
-    let output = command
-        .arg("network.py")
-        .current_dir(folder.path(""))
-        .output();
+    let output = command.arg("network.py").current_dir(folder.path("")).output();
     let output = output.expect("Python starts");
     let log = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{log}");

@@ -68,9 +68,7 @@ impl Folder {
     /// spaces.
     fn command(&self, arguments: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_trainer"));
-        command
-            .args(arguments.split_whitespace())
-            .current_dir(&self.0);
+        command.args(arguments.split_whitespace()).current_dir(&self.0);
         command
     }
 
@@ -79,11 +77,7 @@ impl Folder {
         let output = self.command(arguments).output().expect("the program");
         let [out, err] =
             [output.stdout, output.stderr].map(|text| String::from_utf8(text).expect("text"));
-        assert_eq!(
-            output.status.code(),
-            Some(status),
-            "{arguments}: {out}{err}"
-        );
+        assert_eq!(output.status.code(), Some(status), "{arguments}: {out}{err}");
         [out, err]
     }
 
@@ -107,22 +101,13 @@ impl Folder {
     /// Trains a small model of a mode, in the folder `model` unless the arguments name another
     /// folder.
     fn train(&self, mode: &str, arguments: &str) -> String {
-        self.succeed(&format!(
-            "train {SMALL} --mode={mode} --out=model {arguments}"
-        ))
+        self.succeed(&format!("train {SMALL} --mode={mode} --out=model {arguments}"))
     }
 
     /// Writes a GDF file of `labels` at 250 Hz: three low-pass-filtered sources, mixed, plus noise.
     fn write_recording(&self, name: &str, labels: &[&str], seconds: u32, seed: u64) {
         let mix = |at: usize, sources: [f32; 3]| sources[at % 3] + 0.5 * sources[(at + 1) % 3];
-        write_gdf(
-            &self.path(name),
-            labels,
-            (250, seconds),
-            (seed, 5.0),
-            mix,
-            &[],
-        );
+        write_gdf(&self.path(name), labels, (250, seconds), (seed, 5.0), mix, &[]);
     }
 }
 

@@ -12,11 +12,7 @@ use std::path::Path;
 fn models() -> Folder {
     let folder = Folder::new();
     let models = concat!(env!("CARGO_MANIFEST_DIR"), "/../signal/model");
-    for (from, to) in [
-        ("artifact", "built-in"),
-        ("artifact", "changed"),
-        ("paper", "paper"),
-    ] {
+    for (from, to) in [("artifact", "built-in"), ("artifact", "changed"), ("paper", "paper")] {
         let (from, to) = (Path::new(models).join(from), folder.path(to));
         fs::create_dir(&to).expect("a folder");
         for file in fs::read_dir(from).expect("a folder") {
@@ -43,10 +39,7 @@ fn show_prints_grid_card_and_integers() {
         ],
     );
     let object = folder.json("show built-in --json");
-    assert_eq!(
-        object["weights"]["encoder.conv1.weight"],
-        json("[16, 1, 3, 3, 3]")
-    );
+    assert_eq!(object["weights"]["encoder.conv1.weight"], json("[16, 1, 3, 3, 3]"));
     assert_eq!(object["decodable"], true);
     assert_eq!(object["description"]["adc"]["rate_hz"], 512);
     assert!(object["encoder"][0]["flash_bytes"].as_u64() > Some(0));
@@ -59,10 +52,7 @@ fn diff_is_0_for_equal_models_1_for_others_and_2_for_none() {
     assert!(equal.starts_with("the models are equal: "), "{equal}");
     let [other, _] = folder.run("diff built-in paper", 1);
     assert!(other.contains("montage.electrodes: "), "{other}");
-    assert_has(
-        &other,
-        &["weights: encoder.conv1.weight: 432 of 432 elements differ, by at most"],
-    );
+    assert_has(&other, &["weights: encoder.conv1.weight: 432 of 432 elements differ, by at most"]);
     let [_, none] = folder.run("diff built-in /nowhere", 2);
     assert!(none.contains("/nowhere holds no usable model"), "{none}");
     let path = folder.path("changed/model.toml");
@@ -86,10 +76,7 @@ fn diff_finds_a_packed_model_and_golden_codes_that_are_missing_or_differ() {
     fs::write(&path, toml.replacen("\nrate = 4\n", "\nrate = 5\n", 1)).expect("a description");
     let [rate, _] = folder.run("diff built-in changed --json", 1);
     let rate = json(&rate);
-    assert_eq!(
-        rate["fields"],
-        json(r#"[{"field": "packed.rate", "values": ["4", "5"]}]"#)
-    );
+    assert_eq!(rate["fields"], json(r#"[{"field": "packed.rate", "values": ["4", "5"]}]"#));
     assert_eq!(rate["parts"], json("[]"));
     let golden = folder.path("changed/golden.safetensors");
     let half = fs::read(&golden).expect("golden codes")[..100].to_vec();

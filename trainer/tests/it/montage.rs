@@ -33,28 +33,16 @@ fn each_mistake_is_found_alone_and_none_in_a_valid_montage() {
             "F3 is in two cells: row 1, column 1 and row 2, column 2; empty one of them",
         ),
         (
-            &[
-                ("F3 Fz F4", "T3 T7 F4"),
-                ("\"F3\", \"Fz\"", "\"T3\", \"T7\""),
-            ],
+            &[("F3 Fz F4", "T3 T7 F4"), ("\"F3\", \"Fz\"", "\"T3\", \"T7\"")],
             "T3 and T7 are the same electrode; remove one of them",
         ),
-        (
-            &[("C3 _ C4", "C3 C4")],
-            "row 2 has 2 cells, row 1 has 3; fill the shorter one with _",
-        ),
+        (&[("C3 _ C4", "C3 C4")], "row 2 has 2 cells, row 1 has 3; fill the shorter one with _"),
         (
             &[("F3 Fz F4\nC3 _ C4", "F3 Fz F4 C3 _ C4 _ _ _ _ _ _ _")],
             "the grid has 1 rows and 13 columns; 1 to 12 of both are possible",
         ),
-        (
-            &[("C3 _ C4", "_ _ C4")],
-            "C3 is in the order of channels but in no cell of the grid",
-        ),
-        (
-            &[("\"C3\", ", "")],
-            "C3 is on the grid but not in the order of channels",
-        ),
+        (&[("C3 _ C4", "_ _ C4")], "C3 is in the order of channels but in no cell of the grid"),
+        (&[("\"C3\", ", "")], "C3 is on the grid but not in the order of channels"),
         (
             &[("\"F3\", ", "\"F3\", \"F3\", ")],
             "F3 has two channels: 1 and 2; remove one from the order",
@@ -74,10 +62,7 @@ fn each_mistake_is_found_alone_and_none_in_a_valid_montage() {
             &[("channels = 8", "channels = 12")],
             "no chain of converters has 12 channels; write a multiple of 8 up to 64",
         ),
-        (
-            &[("gain = 24", "gain = 5")],
-            "an ADS1299 has no gain of 5; it has 1, 2, 4, 6, 8, 12, 24",
-        ),
+        (&[("gain = 24", "gain = 5")], "an ADS1299 has no gain of 5; it has 1, 2, 4, 6, 8, 12, 24"),
         (
             &[("rate_hz = 250", "rate_hz = 300")],
             "an ADS1299 has no rate of 300 Hz here; possible are 250, 256, 500, 512, 1000, 1024",
@@ -93,11 +78,7 @@ fn a_small_grid_and_far_neighbours_are_notes() {
     let words = "cells are too few for convolutions without padding; what fits: ";
     let small = format!("2 x 3 {words}--mode pca");
     assert_eq!(check(&[]).notes, [small]);
-    let wide = [
-        ("C3 _ C4", "C3 _ C4 P4"),
-        ("F4\n", "F4 _\n"),
-        ("\"C4\"", "\"C4\", \"P4\""),
-    ];
+    let wide = [("C3 _ C4", "C3 _ C4 P4"), ("F4\n", "F4 _\n"), ("\"C4\"", "\"C4\", \"P4\"")];
     let expected = format!("2 x 4 {words}--padding space, or --mode pca");
     assert_eq!(check(&wide).notes, [expected]);
     // On this grid, O2 lies directly below F4, although both are far apart on the head.

@@ -45,10 +45,7 @@ fn a_packed_model_joins_the_artifact_and_is_evaluated_beside_pca() {
     assert_eq!(klt.as_array().map(Vec::len), Some(16));
     for rate in [2, 4, 6] {
         let peer = |name: &str| klt[rate][name].as_f64().expect("a number");
-        assert!(
-            figure(rate, "bits_per_hop") < peer("bits"),
-            "{rate}: {json}"
-        );
+        assert!(figure(rate, "bits_per_hop") < peer("bits"), "{rate}: {json}");
         let ratio = peer("mse") / figure(rate, "mse");
         assert!((ratio - 1.0).abs() < 0.3, "{rate}: {json}");
     }
@@ -67,11 +64,7 @@ fn a_packed_model_alone_needs_no_network() {
     let card = &artifact.description.training;
     assert_eq!((card.dataset.as_str(), card.mains_hz), ("synthetic", 50));
     assert_eq!((card.real_electrodes, card.interpolated_electrodes), (8, 0));
-    let trained = artifact
-        .packed
-        .expect("a packed model")
-        .description
-        .training;
+    let trained = artifact.packed.expect("a packed model").description.training;
     assert_eq!(trained.test_files, ["run2.gdf"]);
 
     let json = folder.json("evaluate --artifact=alone --json --report=report");

@@ -39,9 +39,7 @@ fn train(folder: &Folder, out: &str, data: &str) -> (Artifact, String) {
     let options = format!("--mains=50 --data={data} --train=R01,R02 --test=R03");
     let small = SMALL.replace("--data=.", "").replace("--mains=50", "");
     folder.succeed(&format!("train {small} --mode=pca --out={out} {options}"));
-    folder.succeed(&format!(
-        "packed --artifact={out} --coefficients=16 {options}"
-    ));
+    folder.succeed(&format!("packed --artifact={out} --coefficients=16 {options}"));
     let [_, log] = folder.run(&format!("substitution --artifact={out} {options}"), 0);
     (Artifact::read(&folder.path(out)).expect("a model"), log)
 }
@@ -70,16 +68,10 @@ fn a_loud_person_counts_as_much_as_a_quiet_one() {
         tensor.expect("a matrix").to_vec()
     };
     let pairs = weights(&alone).into_iter().zip(weights(&both));
-    let difference = pairs
-        .map(|(one, both)| (one - both).abs())
-        .fold(0.0, f32::max);
+    let difference = pairs.map(|(one, both)| (one - both).abs()).fold(0.0, f32::max);
     assert!(difference < 2e-3, "{difference}");
     let [one, two] = [&alone, &both].map(|model| &model.substitution.as_ref().unwrap().weights);
-    let difference = one
-        .iter()
-        .zip(two)
-        .map(|(one, two)| one.abs_diff(*two))
-        .max();
+    let difference = one.iter().zip(two).map(|(one, two)| one.abs_diff(*two)).max();
     assert!(difference <= Some(1), "{one:?} {two:?}");
     // The calibrated input range must contain the louder person's signals.
     let largest = |model: &Artifact| {
@@ -124,17 +116,11 @@ fn a_bad_electrode_of_one_person_is_left_out_and_named_in_every_card() {
         "evaluate --artifact=model --data=[A-C]1 --test=R03 --mains=50 --json --report=report",
         0,
     );
-    assert_has(
-        &log,
-        &["warning: C1: electrode C4 is bad in 1 of 1 recordings"],
-    );
+    assert_has(&log, &["warning: C1: electrode C4 is bad in 1 of 1 recordings"]);
     let json: Value = serde_json::from_str(&printed).expect("an object");
     let mse = training.mse.expect("a test");
     let evaluated = json["mse_int8"].as_f64().expect("a number");
-    assert!(
-        (evaluated - mse.autoencoder_int8).abs() < 1e-6,
-        "{evaluated}"
-    );
+    assert!((evaluated - mse.autoencoder_int8).abs() < 1e-6, "{evaluated}");
     let people = json["people"].as_array().expect("a list");
     for (person, tested) in people.iter().zip(&training.tested) {
         assert_eq!(person["subject"], *tested.subject);
@@ -155,11 +141,7 @@ fn a_bad_electrode_of_one_person_is_left_out_and_named_in_every_card() {
     // A model trained without C is hardly better for A and B. If training included C4's noise, the
     // errors of A and B would be several times as large.
     let (clean, _) = train(&folder, "clean", "[AB]1");
-    for (with, clean) in training
-        .tested
-        .iter()
-        .zip(&clean.description.training.tested)
-    {
+    for (with, clean) in training.tested.iter().zip(&clean.description.training.tested) {
         assert_eq!(with.subject, clean.subject);
         let [with, clean] = [with, clean].map(|tested| tested.prd_percent.pca_float);
         assert!(with < 1.1 * clean, "{with} {clean}");

@@ -11,18 +11,9 @@ const JOIN: &str = "substitution --artifact=model --mains=50";
 fn a_table_joins_the_artifact_and_other_commands_mention_it() {
     let folder = Folder::with_runs(2, 60);
     folder.train("pca", "--train=run1");
-    folder.succeed(&format!(
-        "train {SMALL} --mode=pca --out=plain --train=run1"
-    ));
+    folder.succeed(&format!("train {SMALL} --mode=pca --out=plain --train=run1"));
     let printed = folder.succeed(&format!("{JOIN} --train=run1 --test=run2"));
-    assert_has(
-        &printed,
-        &[
-            "NMSE",
-            "median 0.0",
-            "the substitution of bad electrodes converges",
-        ],
-    );
+    assert_has(&printed, &["NMSE", "median 0.0", "the substitution of bad electrodes converges"]);
     let [model, plain] = ["model", "plain"].map(|name| Artifact::read(&folder.path(name)).unwrap());
     let table = model.substitution.expect("a table");
     let training = &table.description.training;
@@ -30,10 +21,7 @@ fn a_table_joins_the_artifact_and_other_commands_mention_it() {
     assert_eq!(training.test_files, ["run2.gdf"]);
     // Three sources in eight electrodes: the others predict each electrode up to its noise.
     let figures = training.figures.as_ref().expect("figures");
-    assert!(
-        figures.median_nmse < 0.02 && figures.worst_nmse < 0.1,
-        "{figures:?}"
-    );
+    assert!(figures.median_nmse < 0.02 && figures.worst_nmse < 0.1, "{figures:?}");
     assert!(LABELS.contains(&figures.worst_electrode.as_str()));
     // Before the filters, which remove a part of it, the noise has a variance of 5^2 / 3.
     for units in &table.innovation {
@@ -44,27 +32,15 @@ fn a_table_joins_the_artifact_and_other_commands_mention_it() {
     let shown = folder.succeed("show model");
     assert_has(
         &shown,
-        &[
-            "bad electrodes are substituted; NMSE",
-            "substitution          8 electrodes",
-        ],
+        &["bad electrodes are substituted; NMSE", "substitution          8 electrodes"],
     );
-    assert_eq!(
-        folder.json("show model --json")["substitution"]["format"],
-        1
-    );
+    assert_eq!(folder.json("show model --json")["substitution"]["format"], 1);
     assert!(folder.json("show plain --json")["substitution"].is_null());
-    assert_has(
-        &folder.succeed("check model"),
-        &["the substitution of bad electrodes converges"],
-    );
+    assert_has(&folder.succeed("check model"), &["the substitution of bad electrodes converges"]);
     let [differences, _] = folder.run("diff plain model", 1);
     assert_has(
         &differences,
-        &[
-            "substitution.training.train_files",
-            "tables of substitutions differ",
-        ],
+        &["substitution.training.train_files", "tables of substitutions differ"],
     );
 
     let log = folder.fail(&format!("{JOIN} --train=run2"), 2);
@@ -72,10 +48,7 @@ fn a_table_joins_the_artifact_and_other_commands_mention_it() {
     let [_, log] = folder.run(&format!("{JOIN} --train=run2 --force"), 0);
     assert_has(&log, &["the errors are those of the training recordings"]);
     let toml = folder.read("model/substitution.toml");
-    assert!(
-        !toml.contains("figures") && toml.contains("run2.gdf"),
-        "{toml}"
-    );
+    assert!(!toml.contains("figures") && toml.contains("run2.gdf"), "{toml}");
 }
 
 #[test]
@@ -106,8 +79,5 @@ fn recordings_that_do_not_determine_a_table_are_refused_and_missing_and_silent_e
     let [printed, log] = folder.run(&format!("{JOIN} --train=run1,seven --force"), 0);
     assert_has(&log, &["warning: training recordings lack O2"]);
     assert!(!printed.contains("(O2)"), "{printed}");
-    assert_has(
-        &folder.read("model/substitution.toml"),
-        &["interpolated = [\"O2\"]"],
-    );
+    assert_has(&folder.read("model/substitution.toml"), &["interpolated = [\"O2\"]"]);
 }

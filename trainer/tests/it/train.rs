@@ -67,10 +67,7 @@ fn a_model_of_all_recordings_in_a_folder_has_no_test_figures() {
     assert_eq!(folder.train("pca", "--train=."), "");
     let card = folder.read("model/model.toml");
     // The card states that training omits each recording's start, in which the filters settle.
-    assert_has(
-        &card,
-        &["run1.gdf", "run2.gdf", "in which the filters settle"],
-    );
+    assert_has(&card, &["run1.gdf", "run2.gdf", "in which the filters settle"]);
     assert!(!card.contains("[training.mse]"), "{card}");
 }
 

@@ -65,11 +65,7 @@ impl Decision {
         let classes = rule.classes.len();
         #[expect(clippy::cast_precision_loss, reason = "a few classes")]
         let equal = 1.0 / classes as f32;
-        Self {
-            rule,
-            hops: VecDeque::new(),
-            probabilities: vec![equal; classes],
-        }
+        Self { rule, hops: VecDeque::new(), probabilities: vec![equal; classes] }
     }
 
     /// Adds a hop's levels, one for each filter, and returns the decision. Excess levels are

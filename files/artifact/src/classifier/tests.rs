@@ -8,16 +8,8 @@ fn classifier() -> Classifier {
     // 8 to 30 Hz at 128 Hz, as `butter(2, [8, 30], 'bandpass', fs=128)` of scipy; each section has
     // the square root of the total gain.
     let sections = [
-        [
-            0.403_467_658_652_642,
-            1.493_075_431_284_801,
-            -0.653_316_093_047_275,
-        ],
-        [
-            0.403_467_658_652_642,
-            0.299_224_745_896_560,
-            -0.354_837_442_314_624,
-        ],
+        [0.403_467_658_652_642, 1.493_075_431_284_801, -0.653_316_093_047_275],
+        [0.403_467_658_652_642, 0.299_224_745_896_560, -0.354_837_442_314_624],
     ];
     #[expect(clippy::cast_possible_truncation, reason = "below 2^33")]
     let sections = sections.map(|section: [f64; 3]| section.map(|x| (x * 4_294_967_296.0) as i64));
@@ -26,29 +18,17 @@ fn classifier() -> Classifier {
         electrodes: vec!["C3".to_owned(), "C4".to_owned()],
         step_rate_hz: 128,
         hop_steps: 8,
-        band: Band {
-            hz: [8.0, 30.0],
-            sections,
-        },
+        band: Band { hz: [8.0, 30.0], sections },
         decision: DecisionRule {
             classes: vec![
-                Class {
-                    code: 769,
-                    event: "T1".to_owned(),
-                },
-                Class {
-                    code: 770,
-                    event: "T2".to_owned(),
-                },
+                Class { code: 769, event: "T1".to_owned() },
+                Class { code: 770, event: "T2".to_owned() },
             ],
             window_hops: 2,
             weights: vec![vec![0.0], vec![1.0]],
             bias: vec![0.0, -20.0 * std::f64::consts::LN_2],
         },
-        filters: vec![SpatialFilter {
-            weights: vec![127, -127],
-            pattern: vec![1.0, -1.0],
-        }],
+        filters: vec![SpatialFilter { weights: vec![127, -127], pattern: vec![1.0, -1.0] }],
         training: ClassifierTraining::default(),
     }
 }
@@ -77,29 +57,14 @@ fn numbers_out_of_range_are_refused_by_the_name_of_their_field() {
     };
     assert_eq!(refused(|c| c.format = 2), "format");
     assert_eq!(refused(|c| c.filters.clear()), "filters");
-    assert_eq!(
-        refused(|c| c.filters[0].weights[0] = -128),
-        "filters.weights"
-    );
-    assert_eq!(
-        refused(|c| c.filters[0].weights = vec![0; 2]),
-        "filters.weights"
-    );
+    assert_eq!(refused(|c| c.filters[0].weights[0] = -128), "filters.weights");
+    assert_eq!(refused(|c| c.filters[0].weights = vec![0; 2]), "filters.weights");
     assert_eq!(refused(|c| c.filters[0].pattern.clear()), "filters.weights");
-    assert_eq!(
-        refused(|c| c.decision.classes[1].code = 769),
-        "decision.classes"
-    );
+    assert_eq!(refused(|c| c.decision.classes[1].code = 769), "decision.classes");
     assert_eq!(refused(|c| c.decision.bias[0] = f64::NAN), "decision");
     // A pole outside the unit circle, then a resonance that could overflow.
-    assert_eq!(
-        refused(|c| c.band.sections[0][2] = -(1 << 32)),
-        "band.sections"
-    );
-    assert_eq!(
-        refused(|c| c.band.sections[0][2] = -4_294_000_000),
-        "band.sections"
-    );
+    assert_eq!(refused(|c| c.band.sections[0][2] = -(1 << 32)), "band.sections");
+    assert_eq!(refused(|c| c.band.sections[0][2] = -4_294_000_000), "band.sections");
 }
 
 #[test]
@@ -122,9 +87,7 @@ fn after_a_gap_the_window_is_settled_once_half_of_it_is_usable() {
     let mut classifier = classifier();
     classifier.decision.window_hops = 4;
     let mut decision = Decision::new(&classifier);
-    let settled = (0..4)
-        .map(|_| decision.add_hop(&[96]).is_settled)
-        .collect::<Vec<_>>();
+    let settled = (0..4).map(|_| decision.add_hop(&[96]).is_settled).collect::<Vec<_>>();
     assert_eq!(settled, [false, false, false, true]);
     (0..9).for_each(|_| decision.skip_hop());
     // The gap does not change the probabilities, but drops the energies before it.
@@ -139,9 +102,6 @@ fn a_device_with_another_montage_or_rate_is_refused() {
     let check = |labels: [&str; 2], rate| classifier().check_device(labels.into_iter(), rate, 8);
     assert!(check(["C3", "C4"], 128).is_ok());
     let error = check(["C4", "C3"], 128).unwrap_err().to_string();
-    assert!(
-        error.contains("C3 C4, but the device has the electrodes C4 C3"),
-        "{error}"
-    );
+    assert!(error.contains("C3 C4, but the device has the electrodes C4 C3"), "{error}");
     assert!(check(["C3", "C4"], 125).is_err());
 }

@@ -12,20 +12,13 @@ use crate::testing;
 fn a_written_model_reads_back_with_the_same_id() {
     let folder = tempfile::tempdir().unwrap();
     let mut small = testing::description();
-    small.window = Window {
-        steps: 32,
-        hop: 4,
-        rate_hz: 128,
-    };
+    small.window = Window { steps: 32, hop: 4, rate_hz: 128 };
     small.code.numbers = 8;
     let labels = ["C3", "Cz", "C4", "Pz"].map(str::to_owned);
     small.grid = Grid::new(vec![labels.to_vec()]);
     small.montage.electrodes = labels.to_vec();
     (small.adc.rate_hz, small.adc.channels) = (256, 8);
-    (
-        small.training.real_electrodes,
-        small.training.interpolated_electrodes,
-    ) = (4, 0);
+    (small.training.real_electrodes, small.training.interpolated_electrodes) = (4, 0);
     small.training.interpolated.clear();
     let small = testing::pca_with(small);
     for artifact in [testing::pca(), testing::shortcut(), small] {
@@ -43,13 +36,9 @@ fn a_change_in_any_file_changes_the_id() {
     described.description.filters.notch_q = 31.0;
     let mut weighted = artifact.clone();
     let one = vec![1.0; 128 * 16 * 61];
-    weighted
-        .weights
-        .insert("encoder.shortcut.weight", &[128, 16 * 61], one);
+    weighted.weights.insert("encoder.shortcut.weight", &[128, 16 * 61], one);
     let mut calibrated = artifact.clone();
-    calibrated
-        .calibration
-        .insert("input.max_abs", &[1], vec![99.0]);
+    calibrated.calibration.insert("input.max_abs", &[1], vec![99.0]);
     for changed in [described, weighted, calibrated] {
         let folder = tempfile::tempdir().unwrap();
         assert_ne!(changed.write(folder.path()).unwrap(), artifact.id);
@@ -75,9 +64,7 @@ fn the_error_of_a_misspelt_field_names_it() {
     let text = std::str::from_utf8(&files[0].1).unwrap();
     let misspelt = text.replace("notch_q", "notch_Q");
     let error = Artifact::from_files(&[(DESCRIPTION, misspelt.as_bytes())]).unwrap_err();
-    let ArtifactError::Toml { source, .. } = error else {
-        panic!("{error}")
-    };
+    let ArtifactError::Toml { source, .. } = error else { panic!("{error}") };
     assert!(source.to_string().contains("notch_Q"), "{source}");
 }
 
@@ -123,10 +110,7 @@ fn the_error_of_an_invalid_description_names_the_field() {
         (|d| d.code.numbers = 4, "code.numbers"),
         (|d| d.code.numbers = 260, "code.numbers"),
         (|d| d.code.numbers = 30, "code.numbers"),
-        (
-            |d| d.grid = Grid::new(vec![vec!["Cz".to_owned(); 13]]),
-            "grid.columns",
-        ),
+        (|d| d.grid = Grid::new(vec![vec!["Cz".to_owned(); 13]]), "grid.columns"),
         (|d| d.grid = Grid::new(vec![vec![]]), "grid.columns"),
         (|d| d.grid = Grid::new(vec![]), "grid.rows"),
         (|d| d.adc.rate_hz = 0, "adc.rate_hz"),
@@ -134,18 +118,13 @@ fn the_error_of_an_invalid_description_names_the_field() {
         (|d| d.filters.band_hz = [0.5, 256.0], "filters.band_hz"),
         (|d| d.filters.harmonics = 4, "filters.harmonics"),
         (|d| d.input.sd_uv = f64::NAN, "input.sd_uv"),
-        (
-            |d| d.training.interpolated_electrodes = 0,
-            "training.interpolated",
-        ),
+        (|d| d.training.interpolated_electrodes = 0, "training.interpolated"),
     ];
     for (change, expected) in cases {
         let mut artifact = testing::shortcut();
         change(&mut artifact.description);
         let error = artifact.check().unwrap_err();
-        let ArtifactError::Field { field, .. } = error else {
-            panic!("{error}")
-        };
+        let ArtifactError::Field { field, .. } = error else { panic!("{error}") };
         assert_eq!(field, expected);
     }
 }
@@ -158,17 +137,12 @@ fn the_error_of_an_invalid_pool_states_the_valid_sizes() {
         artifact.check().unwrap_err().to_string()
     };
     let text = refusal(Padding::None, [2, 7, 2]);
-    assert!(
-        text.contains("[2, 7, 2]") && text.contains("[12, 6, 5]"),
-        "{text}"
-    );
+    assert!(text.contains("[2, 7, 2]") && text.contains("[12, 6, 5]"), "{text}");
     let text = refusal(Padding::All, [4, 2, 2]);
     assert!(text.contains("1 or 2 steps"), "{text}");
-    for (padding, pool) in [
-        (Padding::None, [4, 6, 5]),
-        (Padding::Space, [4, 10, 9]),
-        (Padding::All, [1, 1, 1]),
-    ] {
+    for (padding, pool) in
+        [(Padding::None, [4, 6, 5]), (Padding::Space, [4, 10, 9]), (Padding::All, [1, 1, 1])]
+    {
         let mut description = testing::description();
         description.network = NetworkShape { padding, pool };
         testing::shortcut_with(description);
@@ -188,9 +162,7 @@ fn the_error_of_a_montage_that_does_not_fit_the_grid_names_the_label() {
         let mut artifact = testing::pca();
         change(&mut artifact.description);
         let error = artifact.check().unwrap_err();
-        let ArtifactError::Label { label, .. } = error else {
-            panic!("{error}")
-        };
+        let ArtifactError::Label { label, .. } = error else { panic!("{error}") };
         assert_eq!(label, expected);
     }
 }
@@ -207,9 +179,7 @@ fn empty_ranges_and_negative_variances_are_refused() {
         let mut artifact = testing::shortcut();
         change(&mut artifact);
         let error = artifact.check().unwrap_err();
-        let ArtifactError::Tensor { problem, .. } = error else {
-            panic!("{error}")
-        };
+        let ArtifactError::Tensor { problem, .. } = error else { panic!("{error}") };
         assert!(matches!(problem, TensorProblem::Range(..)), "{problem}");
     }
 }

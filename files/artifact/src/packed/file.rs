@@ -104,26 +104,16 @@ impl PackedModel {
         let contents = [
             (Dtype::I8, shape(&[count, values]), bytes(&analysis.weights)),
             (Dtype::I32, shape(&[count]), words(&analysis.factors)),
-            (
-                Dtype::I8,
-                shape(&[count, count]),
-                bytes(&prediction.weights),
-            ),
+            (Dtype::I8, shape(&[count, count]), bytes(&prediction.weights)),
             (Dtype::I32, shape(&[count]), words(&prediction.factors)),
             (Dtype::U8, shape(&[count]), self.predicted_levels.clone()),
             (Dtype::U8, shape(&[count]), self.reset_levels.clone()),
             (Dtype::U16, shape(&[2, LEVELS, MAGNITUDES]), starts),
-            (
-                Dtype::I8,
-                shape(&[RATES, count, count]),
-                bytes(&smoother.weights),
-            ),
+            (Dtype::I8, shape(&[RATES, count, count]), bytes(&smoother.weights)),
             (Dtype::F32, shape(&[RATES, count]), floats(&smoother.scales)),
         ];
         let contents = NAMES.into_iter().zip(contents.into_iter().chain(synthesis));
-        contents
-            .map(|(name, (kind, shape, bytes))| (name, kind, shape, bytes))
-            .collect()
+        contents.map(|(name, (kind, shape, bytes))| (name, kind, shape, bytes)).collect()
     }
 }
 
@@ -133,11 +123,7 @@ fn words(bytes: &[u8]) -> impl Iterator<Item = [u8; 4]> {
 
 fn table(bytes: &[u8]) -> Box<Starts> {
     let mut table = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
-    let numbers = bytes
-        .as_chunks()
-        .0
-        .iter()
-        .map(|&bytes| u16::from_le_bytes(bytes));
+    let numbers = bytes.as_chunks().0.iter().map(|&bytes| u16::from_le_bytes(bytes));
     for (place, number) in table.iter_mut().flatten().flatten().zip(numbers) {
         *place = number;
     }

@@ -183,9 +183,7 @@ impl IntegerMatrix {
     ) -> Self {
         let mut quantised = Self::default();
         for row in matrix.chunks_exact(inputs) {
-            let largest = row
-                .iter()
-                .fold(1e-12, |largest: f64, w| largest.max(w.abs()));
+            let largest = row.iter().fold(1e-12, |largest: f64, w| largest.max(w.abs()));
             let scale = (127.0 / largest).min(largest_scale(row));
             #[expect(clippy::cast_possible_truncation, reason = "at most 127")]
             let weights = row.iter().map(|weight| (weight * scale).round() as i8);
@@ -261,21 +259,11 @@ impl Smoother {
     /// If there is not one matrix for each rate.
     pub fn quantised(matrices: &[Vec<f64>], coefficients: usize) -> Self {
         assert_eq!(matrices.len(), RATES, "one matrix for each rate");
-        let mut smoother = Self {
-            weights: Vec::new(),
-            scales: Vec::new(),
-        };
-        for row in matrices
-            .iter()
-            .flat_map(|matrix| matrix.chunks_exact(coefficients))
-        {
-            let largest = row
-                .iter()
-                .fold(1e-9, |largest: f64, w| largest.max(w.abs()));
+        let mut smoother = Self { weights: Vec::new(), scales: Vec::new() };
+        for row in matrices.iter().flat_map(|matrix| matrix.chunks_exact(coefficients)) {
+            let largest = row.iter().fold(1e-9, |largest: f64, w| largest.max(w.abs()));
             #[expect(clippy::cast_possible_truncation, reason = "at most 127")]
-            let weights = row
-                .iter()
-                .map(|weight| (weight / largest * 127.0).round() as i8);
+            let weights = row.iter().map(|weight| (weight / largest * 127.0).round() as i8);
             smoother.weights.extend(weights);
             #[expect(clippy::cast_possible_truncation, reason = "stored as f32")]
             smoother.scales.push((largest / 127.0) as f32);

@@ -37,38 +37,19 @@ pub(crate) fn check(model: &PackedModel, description: &Description) -> Result<()
     check_matrix("analysis", &model.analysis.weights, values, &slices, limit)?;
     let whole = [count];
     let limit = LARGEST_STATE.into();
-    check_matrix(
-        "prediction",
-        &model.prediction.weights,
-        count,
-        &whole,
-        limit,
-    )?;
-    for (name, matrix) in [
-        ("analysis", &model.analysis),
-        ("prediction", &model.prediction),
-    ] {
+    check_matrix("prediction", &model.prediction.weights, count, &whole, limit)?;
+    for (name, matrix) in [("analysis", &model.analysis), ("prediction", &model.prediction)] {
         let is_outside = |factor: &i32| *factor < 0 || *factor == i32::MAX;
         if let Some(output) = matrix.factors.iter().position(is_outside) {
-            return Err(range(
-                name,
-                output,
-                "the factor is negative, or 1/2 or more",
-            ));
+            return Err(range(name, output, "the factor is negative, or 1/2 or more"));
         }
     }
     let levels = model.predicted_levels.iter().chain(&model.reset_levels);
-    if let Some(index) = levels
-        .clone()
-        .position(|&level| usize::from(level) >= LEVELS)
-    {
+    if let Some(index) = levels.clone().position(|&level| usize::from(level) >= LEVELS) {
         return Err(range("levels", index, "the level is above 63"));
     }
     let costs = model.costs();
-    let tables = Tables {
-        starts: &model.starts,
-        costs: &costs,
-    };
+    let tables = Tables { starts: &model.starts, costs: &costs };
     if !tables.is_consistent() {
         return Err(range(
             "starts",
@@ -77,10 +58,7 @@ pub(crate) fn check(model: &PackedModel, description: &Description) -> Result<()
         ));
     }
     let synthesis = model.synthesis.as_deref().unwrap_or_default();
-    for (name, floats) in [
-        ("smoother.scale", &*model.smoother.scales),
-        (SYNTHESIS, synthesis),
-    ] {
+    for (name, floats) in [("smoother.scale", &*model.smoother.scales), (SYNTHESIS, synthesis)] {
         if let Some(index) = floats.iter().position(|float| !float.is_finite()) {
             return Err(range(name, index, "it is not finite"));
         }
@@ -95,12 +73,7 @@ pub(crate) fn check(model: &PackedModel, description: &Description) -> Result<()
 fn check_description(model: &PackedModel, values: usize) -> Result<(), ArtifactError> {
     let description = &model.description;
     let field = |field, found: &dyn std::fmt::Display, expected: String| {
-        Err(ArtifactError::Field {
-            file: DESCRIPTION,
-            field,
-            found: found.to_string(),
-            expected,
-        })
+        Err(ArtifactError::Field { file: DESCRIPTION, field, found: found.to_string(), expected })
     };
     let count = description.coefficients;
     if description.format != 1 {
@@ -109,11 +82,7 @@ fn check_description(model: &PackedModel, values: usize) -> Result<(), ArtifactE
     if count == 0 || !count.is_multiple_of(INPUTS_PER_ROUND) || count > MAX_COEFFICIENTS.min(values)
     {
         let most = MAX_COEFFICIENTS.min(values) / INPUTS_PER_ROUND * INPUTS_PER_ROUND;
-        return field(
-            "coefficients",
-            &count,
-            format!("a multiple of 16 up to {most}"),
-        );
+        return field("coefficients", &count, format!("a multiple of 16 up to {most}"));
     }
     if description.rate > 15 {
         return field("rate", &description.rate, "0 to 15".to_owned());
@@ -122,10 +91,8 @@ fn check_description(model: &PackedModel, values: usize) -> Result<(), ArtifactE
         let expected = "127 to 32767".to_owned();
         return field("input_limit", &description.input_limit, expected);
     }
-    for (name, value) in [
-        ("unit_uv", description.unit_uv),
-        ("misfit_uv2", description.misfit_uv2),
-    ] {
+    for (name, value) in [("unit_uv", description.unit_uv), ("misfit_uv2", description.misfit_uv2)]
+    {
         if !(value.is_finite() && value > 0.0) {
             return field(name, &value, "above 0".to_owned());
         }
@@ -175,16 +142,9 @@ fn check_matrix(
         }
         let mut start = 0;
         for &end in slices {
-            let sum = weights[start..end]
-                .iter()
-                .map(|&w| i64::from(w).abs())
-                .sum::<i64>();
+            let sum = weights[start..end].iter().map(|&w| i64::from(w).abs()).sum::<i64>();
             if sum * limit > SUM_LIMIT {
-                return Err(range(
-                    name,
-                    output,
-                    "a sum of products could exceed 23 bits",
-                ));
+                return Err(range(name, output, "a sum of products could exceed 23 bits"));
             }
             start = end;
         }

@@ -80,10 +80,7 @@ fn a_packed_model_reads_back_with_the_same_id_which_covers_it() {
 
 /// Gives a model a weight, and a synthesis of `values` numbers.
 fn weigh(model: &mut PackedModel, values: usize) {
-    model.description.weight = Some(ErrorWeight {
-        band_hz: [8.0, 30.0],
-        strength: 3.0,
-    });
+    model.description.weight = Some(ErrorWeight { band_hz: [8.0, 30.0], strength: 3.0 });
     model.synthesis = Some(vec![0.25; values]);
 }
 
@@ -99,10 +96,7 @@ fn a_weighted_model_reads_back_with_its_synthesis_which_decodes() {
     assert_eq!(synthesis, vec![0.25; values]);
     // A weight without a synthesis is refused, and so is a synthesis without a weight.
     for (change, expected) in [
-        (
-            (|model| model.description.weight = None) as fn(&mut PackedModel),
-            TensorProblem::Unknown,
-        ),
+        ((|model| model.description.weight = None) as fn(&mut PackedModel), TensorProblem::Unknown),
         (|model| model.synthesis = None, TensorProblem::Missing),
     ] {
         let error = with(|model| {
@@ -139,12 +133,7 @@ fn a_packed_model_alone_has_no_files_of_a_network() {
         .map(|file| file.unwrap().file_name().into_string().unwrap())
         .collect();
     names.sort();
-    let expected = [
-        "calibration.safetensors",
-        "model.toml",
-        "packed.safetensors",
-        "packed.toml",
-    ];
+    let expected = ["calibration.safetensors", "model.toml", "packed.safetensors", "packed.toml"];
     assert_eq!(names, expected);
     assert!((artifact.input_scale_uv().unwrap() - 640.0 * 1.25 / 127.0).abs() < 1e-9);
 }
@@ -154,11 +143,7 @@ fn codes_of_a_packed_model_alone_have_no_numbers() {
     let artifact = alone().unwrap();
     let dimensions = artifact.description.dimensions();
     let encoder = FloatEncoder::new(&artifact).unwrap();
-    assert!(
-        encoder
-            .encode(&vec![1.0; dimensions.window_cells()])
-            .is_empty()
-    );
+    assert!(encoder.encode(&vec![1.0; dimensions.window_cells()]).is_empty());
     let decoder = FloatDecoder::new(&artifact).unwrap();
     let silence = vec![0.0; dimensions.window_electrodes()];
     assert_eq!(decoder.decode(&[]), silence);
@@ -182,20 +167,13 @@ fn a_part_of_another_length_is_refused_by_name() {
     type Change = fn(&mut PackedModel);
     let cases: [(Change, &str); 4] = [
         (|m| weigh(m, COEFFICIENTS * 487), "synthesis"),
-        (
-            |m| m.analysis.weights.truncate(COEFFICIENTS * 487),
-            "analysis.weight",
-        ),
+        (|m| m.analysis.weights.truncate(COEFFICIENTS * 487), "analysis.weight"),
         (|m| m.reset_levels.push(0), "levels.reset"),
         (|m| m.smoother.scales.clear(), "smoother.scale"),
     ];
     for (change, expected) in cases {
         let error = with(change).unwrap_err();
-        let ArtifactError::Tensor {
-            ref name,
-            problem: TensorProblem::Shape(..),
-            ..
-        } = error
+        let ArtifactError::Tensor { ref name, problem: TensorProblem::Shape(..), .. } = error
         else {
             panic!("{error}")
         };
@@ -207,10 +185,7 @@ fn a_part_of_another_length_is_refused_by_name() {
 fn a_tensor_that_no_packed_model_has_is_refused_by_name() {
     let [(_, toml), (_, mut tensors)] = packed().to_files().unwrap();
     // The new name is as long as the old one, so the tensors keep their offsets in the file.
-    let at = tensors
-        .windows(6)
-        .position(|name| name == b"starts")
-        .unwrap();
+    let at = tensors.windows(6).position(|name| name == b"starts").unwrap();
     tensors[at..][..6].copy_from_slice(b"startz");
     let error = PackedModel::parse(&toml, &tensors, &testing::description()).unwrap_err();
     assert!(error.to_string().contains("startz"), "{error}");
@@ -237,11 +212,7 @@ fn a_model_whose_sums_could_leave_their_range_is_refused_by_name() {
             9,
         ),
         // Fills 40 weights of row 2's first slice with 127: 40 * 127 * 4095 exceeds 23 bits.
-        (
-            |m| m.analysis.weights[2 * 488..][..40].fill(127),
-            "analysis",
-            2,
-        ),
+        (|m| m.analysis.weights[2 * 488..][..40].fill(127), "analysis", 2),
         (|m| m.analysis.weights[9] = -128, "analysis", 0),
         (|m| m.prediction.weights[16..].fill(-128), "prediction", 1),
         (|m| m.prediction.factors[4] = -1, "prediction", 4),
@@ -252,18 +223,12 @@ fn a_model_whose_sums_could_leave_their_range_is_refused_by_name() {
     ];
     for (change, expected, at) in cases {
         let error = with(change).unwrap_err();
-        let ArtifactError::Tensor {
-            file,
-            ref name,
-            problem: TensorProblem::Range(index, _),
-        } = error
+        let ArtifactError::Tensor { file, ref name, problem: TensorProblem::Range(index, _) } =
+            error
         else {
             panic!("{error}")
         };
-        assert_eq!(
-            (file, name.as_str(), index),
-            ("packed.safetensors", expected, at)
-        );
+        assert_eq!((file, name.as_str(), index), ("packed.safetensors", expected, at));
     }
     // The largest possible sum of the prediction, 16 * 127 * 4096, still fits 23 bits.
     with(|m| m.prediction.weights.fill(127)).unwrap();
@@ -273,29 +238,17 @@ fn a_model_whose_sums_could_leave_their_range_is_refused_by_name() {
 fn the_error_of_an_invalid_field_names_it_and_what_it_may_be() {
     type Change = fn(&mut PackedModel);
     let cases: [(Change, &str); 9] = [
-        (
-            |m| m.description.format = 2,
-            "packed.toml: format is 2, but must be 1",
-        ),
+        (|m| m.description.format = 2, "packed.toml: format is 2, but must be 1"),
         (
             |m| m.description.coefficients = 24,
             "coefficients is 24, but must be a multiple of 16 up to 256",
         ),
         (|m| m.description.coefficients = 272, "coefficients is 272"),
-        (
-            |m| m.description.rate = 16,
-            "rate is 16, but must be 0 to 15",
-        ),
+        (|m| m.description.rate = 16, "rate is 16, but must be 0 to 15"),
         (|m| m.description.input_limit = 100, "input_limit is 100"),
-        (
-            |m| m.description.unit_uv = 0.0,
-            "unit_uv is 0, but must be above 0",
-        ),
+        (|m| m.description.unit_uv = 0.0, "unit_uv is 0, but must be above 0"),
         (|m| m.description.misfit_uv2 = f64::NAN, "misfit_uv2 is NaN"),
-        (
-            |m| m.description.misfit_uv2 = 4.2e6,
-            "but must be at most 4192256.25",
-        ),
+        (|m| m.description.misfit_uv2 = 4.2e6, "but must be at most 4192256.25"),
         (|m| m.description.coefficients = 0, "coefficients is 0"),
     ];
     for (change, expected) in cases {
@@ -312,48 +265,32 @@ fn damaged_files_are_refused() {
     let tensors = folder.path().join("packed.safetensors");
     let bytes = std::fs::read(&tensors).unwrap();
     std::fs::write(&tensors, &bytes[..bytes.len() - 1]).unwrap();
-    assert!(
-        error().starts_with("packed.safetensors is damaged"),
-        "{}",
-        error()
-    );
+    assert!(error().starts_with("packed.safetensors is damaged"), "{}", error());
     std::fs::write(&tensors, &bytes).unwrap();
     let toml = folder.path().join("packed.toml");
     let text = std::fs::read_to_string(&toml).unwrap();
-    std::fs::write(
-        &toml,
-        text.replace("coefficients = 16", "coefficients = 32"),
-    )
-    .unwrap();
+    std::fs::write(&toml, text.replace("coefficients = 16", "coefficients = 32")).unwrap();
     assert!(
         error().contains("tensor smoother.weight has shape [16, 16, 16], expected [16, 32, 32]"),
         "{}",
         error()
     );
     std::fs::write(&toml, text.replace("unit_uv", "unit_mv")).unwrap();
-    assert!(
-        error().starts_with("packed.toml cannot be understood"),
-        "{}",
-        error()
-    );
+    assert!(error().starts_with("packed.toml cannot be understood"), "{}", error());
 }
 
 #[test]
 fn every_round_of_inputs_is_added_as_soon_as_it_is_complete() {
     // After the steps, 61, 122, .. 488 inputs have arrived, rounded down to multiples of 16.
-    assert_eq!(
-        super::slice_ends(61, 8),
-        [48, 112, 176, 240, 304, 352, 416, 488]
-    );
+    assert_eq!(super::slice_ends(61, 8), [48, 112, 176, 240, 304, 352, 416, 488]);
     assert_eq!(super::slice_ends(8, 4), [0, 16, 16, 32]);
 }
 
 #[test]
 fn one_of_the_two_files_alone_is_refused_with_the_remedy() {
-    for (removed, other) in [
-        ("packed.toml", "packed.safetensors"),
-        ("packed.safetensors", "packed.toml"),
-    ] {
+    for (removed, other) in
+        [("packed.toml", "packed.safetensors"), ("packed.safetensors", "packed.toml")]
+    {
         for artifact in [alone().unwrap(), with(|_| ()).unwrap()] {
             let folder = tempfile::tempdir().unwrap();
             artifact.write(folder.path()).unwrap();

@@ -79,10 +79,7 @@ pub struct Overlap {
 impl Overlap {
     /// Creates an overlap without earlier windows.
     pub fn new(layout: HopLayout) -> Overlap {
-        Overlap {
-            layout,
-            earlier: VecDeque::new(),
-        }
+        Overlap { layout, earlier: VecDeque::new() }
     }
 
     /// Forgets the earlier windows, so that the next hop is computed from one window alone.
@@ -108,13 +105,9 @@ impl Overlap {
         }
         // After a restart of the stream, the indices do not continue, so no earlier window contains
         // the hop.
-        self.earlier
-            .retain(|earlier| hop_at(earlier, index, length).is_some());
-        let mut shared: Vec<&[f32]> = self
-            .earlier
-            .iter()
-            .filter_map(|earlier| hop_at(earlier, index, length))
-            .collect();
+        self.earlier.retain(|earlier| hop_at(earlier, index, length).is_some());
+        let mut shared: Vec<&[f32]> =
+            self.earlier.iter().filter_map(|earlier| hop_at(earlier, index, length)).collect();
         let (source, is_whole) = match (&window.values, shared.is_empty()) {
             (Some(new), true) if self.layout.low_latency => {
                 hop.copy_from_slice(&new[new.len() - length..]);
@@ -139,18 +132,11 @@ impl Overlap {
         for value in hop.iter_mut() {
             *value = value.clamp(-full_scale_uv, full_scale_uv);
         }
-        flags |= self
-            .earlier
-            .iter()
-            .fold(0, |all, earlier| all | earlier.flags);
+        flags |= self.earlier.iter().fold(0, |all, earlier| all | earlier.flags);
         if window.values.is_some() {
             self.earlier.push_back(window);
         }
-        Hop {
-            source,
-            flags,
-            is_whole,
-        }
+        Hop { source, flags, is_whole }
     }
 }
 
@@ -159,10 +145,7 @@ impl Overlap {
 fn hop_at(earlier: &Window, index: u32, length: usize) -> Option<&[f32]> {
     let age = usize::try_from(index.wrapping_sub(earlier.index)).ok()?;
     let start = age.checked_mul(length).filter(|_| age > 0)?;
-    earlier
-        .values
-        .as_ref()?
-        .get(start..start.checked_add(length)?)
+    earlier.values.as_ref()?.get(start..start.checked_add(length)?)
 }
 
 /// Averages the steps that windows share, which lowers the decoding error. With an earlier model
@@ -186,12 +169,8 @@ fn average(windows: &[&[f32]], out: &mut [f32]) {
 mod tests {
     use super::{Hop, HopLayout, Overlap, Source, Window};
 
-    const LAYOUT: HopLayout = HopLayout {
-        steps: 1,
-        electrodes: 2,
-        low_latency: false,
-        full_scale_uv: 100.0,
-    };
+    const LAYOUT: HopLayout =
+        HopLayout { steps: 1, electrodes: 2, low_latency: false, full_scale_uv: 100.0 };
 
     /// Returns hops and sources for windows (index, values), where `None` is a lost code. Window k
     /// has the flags 1 << k.
@@ -199,11 +178,8 @@ mod tests {
         let mut overlap = Overlap::new(layout);
         let mut hop = [0.0; 2];
         let mut next = |&(index, values): &(u32, Option<&[f32]>)| {
-            let window = Window {
-                index,
-                flags: 1 << (index % 16),
-                values: values.map(<[f32]>::to_vec),
-            };
+            let window =
+                Window { index, flags: 1 << (index % 16), values: values.map(<[f32]>::to_vec) };
             let made = overlap.next_hop(window, &mut hop);
             (hop, made)
         };
@@ -213,27 +189,17 @@ mod tests {
     /// Returns a hop that is whole if and only if its source is an average.
     fn made(source: Source, flags: u16) -> Hop {
         let is_whole = source == Source::Average;
-        Hop {
-            source,
-            flags,
-            is_whole,
-        }
+        Hop { source, flags, is_whole }
     }
 
     /// Returns an average over some, but not all, windows that contain the hop.
     fn partial(flags: u16) -> Hop {
-        Hop {
-            is_whole: false,
-            ..made(Source::Average, flags)
-        }
+        Hop { is_whole: false, ..made(Source::Average, flags) }
     }
 
     /// Returns a hop that only one window contains.
     fn alone(flags: u16) -> Hop {
-        Hop {
-            is_whole: true,
-            ..made(Source::Window, flags)
-        }
+        Hop { is_whole: true, ..made(Source::Window, flags) }
     }
 
     #[test]
@@ -276,15 +242,9 @@ mod tests {
     #[test]
     fn windows_that_do_not_overlap_or_do_not_follow_each_other_stand_alone() {
         for (windows, hop) in [
+            ([(0, Some(&[1.0, 2.0][..])), (1, Some(&[5.0, 6.0]))], alone(0b10)),
             (
-                [(0, Some(&[1.0, 2.0][..])), (1, Some(&[5.0, 6.0]))],
-                alone(0b10),
-            ),
-            (
-                [
-                    (7, Some(&[1.0, 2.0, 3.0, 4.0])),
-                    (1, Some(&[5.0, 6.0, 7.0, 8.0])),
-                ],
+                [(7, Some(&[1.0, 2.0, 3.0, 4.0])), (1, Some(&[5.0, 6.0, 7.0, 8.0]))],
                 made(Source::Window, 0b10),
             ),
         ] {
@@ -294,14 +254,9 @@ mod tests {
 
     #[test]
     fn low_latency_yields_the_newest_hop_and_large_values_are_limited() {
-        let layout = HopLayout {
-            low_latency: true,
-            ..LAYOUT
-        };
-        let windows: [(u32, Option<&[f32]>); 2] = [
-            (0, Some(&[1.0, 2.0, 3.0, 4000.0])),
-            (1, Some(&[1.0, 2.0, 5.0, 6.0])),
-        ];
+        let layout = HopLayout { low_latency: true, ..LAYOUT };
+        let windows: [(u32, Option<&[f32]>); 2] =
+            [(0, Some(&[1.0, 2.0, 3.0, 4000.0])), (1, Some(&[1.0, 2.0, 5.0, 6.0]))];
         let expected = [([3.0, 100.0], alone(0b1)), ([5.0, 6.0], alone(0b10))];
         assert_eq!(hops(layout, &windows), expected);
         let lookback = |low_latency| HopLayout::lookback_steps(16, 8, low_latency);

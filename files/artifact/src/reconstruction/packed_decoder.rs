@@ -85,17 +85,11 @@ impl PackedDecoder {
     pub fn decode(&mut self, bytes: &[u8], announced: Rate) -> Result<PackedBlock, Malformed> {
         let reader = BlockReader::new(bytes, announced)?;
         let header = reader.header();
-        let levels = if header.is_reset {
-            &self.model.reset_levels
-        } else {
-            &self.model.predicted_levels
-        };
+        let levels =
+            if header.is_reset { &self.model.reset_levels } else { &self.model.predicted_levels };
         let mut contexts = vec![Context::EMPTY; levels.len()];
         packed::prepare_contexts(levels, header.rate, &mut contexts);
-        let tables = Tables {
-            starts: &self.model.starts,
-            costs: &self.costs,
-        };
+        let tables = Tables { starts: &self.model.starts, costs: &self.costs };
         let mut magnitudes = vec![Magnitude::ZERO; levels.len()];
         reader.read_magnitudes(&contexts, &tables, &mut magnitudes)?;
         self.standing = None;
@@ -109,9 +103,7 @@ impl PackedDecoder {
             _ if header.is_reset => Health::Equal,
             // The first block that is decoded has a prediction, so earlier blocks were missed.
             Health::Unknown => Health::Healing { blocks: 1 },
-            Health::Healing { blocks } => Health::Healing {
-                blocks: blocks.saturating_add(1),
-            },
+            Health::Healing { blocks } => Health::Healing { blocks: blocks.saturating_add(1) },
             Health::Equal => Health::Equal,
         };
         Ok(PackedBlock {
@@ -154,11 +146,7 @@ impl PackedDecoder {
     }
 
     fn prediction(&self, is_reset: bool) -> Vec<i16> {
-        if is_reset {
-            vec![0; self.state.len()]
-        } else {
-            self.model.predict(&self.state)
-        }
+        if is_reset { vec![0; self.state.len()] } else { self.model.predict(&self.state) }
     }
 
     /// Returns the improved signals of the previous block, whose state was `before`. The newest
@@ -175,18 +163,13 @@ impl PackedDecoder {
             .zip(prediction)
             .map(|(&state, &prediction)| f32::from(state) - f32::from(prediction))
             .collect();
-        let rows = smoother
-            .map_or(&[][..], |matrix| matrix)
-            .chunks_exact(residual.len().max(1));
+        let rows = smoother.map_or(&[][..], |matrix| matrix).chunks_exact(residual.len().max(1));
         let corrected: Vec<f32> = before
             .iter()
             .zip(rows)
             .map(|(&state, row)| {
                 let products = row.iter().zip(&residual);
-                f32::from(state)
-                    + products
-                        .map(|(weight, residual)| weight * residual)
-                        .sum::<f32>()
+                f32::from(state) + products.map(|(weight, residual)| weight * residual).sum::<f32>()
             })
             .collect();
         self.synthesis.microvolts_of(&corrected)

@@ -85,11 +85,7 @@ impl<T: Clone> PackedOverlap<T> {
             Some(Ok(block)) => (block.microvolts, block.smoothed, PackedSource::Healing),
             Some(Err(_)) | None => (self.decoder.skip(), None, PackedSource::Prediction),
         };
-        let newest = PackedHop {
-            microvolts,
-            source,
-            label,
-        };
+        let newest = PackedHop { microvolts, source, label };
         self.complete(newest, smoothed)
     }
 

@@ -15,14 +15,8 @@ impl Synthesis {
     pub(crate) fn new(model: &PackedModel) -> Self {
         let unit_uv = model.description.unit_uv;
         #[expect(clippy::cast_possible_truncation, reason = "signals are f32")]
-        let rows = synthesis(model)
-            .iter()
-            .map(|&value| (value * unit_uv) as f32)
-            .collect();
-        Self {
-            rows,
-            values: model.analysis.inputs(),
-        }
+        let rows = synthesis(model).iter().map(|&value| (value * unit_uv) as f32).collect();
+        Self { rows, values: model.analysis.inputs() }
     }
 
     /// Returns the signals of a block, microvolts, from integer coefficients.
@@ -75,9 +69,7 @@ fn solve(matrix: &mut [f64], right: &mut [f64], count: usize, columns: usize) {
         let pivot_row = &above[pivot * count..];
         let (right_above, right_below) = right.split_at_mut((pivot + 1) * columns);
         let pivot_right = &right_above[pivot * columns..];
-        let rows = below
-            .chunks_exact_mut(count)
-            .zip(right_below.chunks_exact_mut(columns));
+        let rows = below.chunks_exact_mut(count).zip(right_below.chunks_exact_mut(columns));
         for (row, right) in rows {
             let factor = row[pivot] / pivot_row[pivot];
             subtract(&mut row[pivot..], &pivot_row[pivot..], factor);
@@ -88,10 +80,7 @@ fn solve(matrix: &mut [f64], right: &mut [f64], count: usize, columns: usize) {
         let (right_above, right_below) = right.split_at_mut((pivot + 1) * columns);
         let row = &matrix[pivot * count..][..count];
         let solution = &mut right_above[pivot * columns..];
-        for (later, known) in row[pivot + 1..]
-            .iter()
-            .zip(right_below.chunks_exact(columns))
-        {
+        for (later, known) in row[pivot + 1..].iter().zip(right_below.chunks_exact(columns)) {
             subtract(solution, known, *later);
         }
         for value in solution {

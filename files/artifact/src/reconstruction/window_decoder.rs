@@ -19,15 +19,9 @@ impl WindowDecoder {
     /// [`ArtifactError`] if a tensor is missing, or if the mode is `paper`, whose decoder needs
     /// pool indices in addition to the code.
     pub fn new(artifact: &Artifact) -> Result<WindowDecoder, ArtifactError> {
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "a standard deviation, about 50"
-        )]
+        #[expect(clippy::cast_possible_truncation, reason = "a standard deviation, about 50")]
         let sd_uv = artifact.description.input.sd_uv as f32;
-        Ok(WindowDecoder {
-            network: FloatDecoder::new(artifact)?,
-            sd_uv,
-        })
+        Ok(WindowDecoder { network: FloatDecoder::new(artifact)?, sd_uv })
     }
 
     /// Returns the electrode signals, in microvolts, of the window with the dequantised code `z`:
@@ -45,10 +39,7 @@ impl WindowDecoder {
 }
 
 /// Dequantises one level of a code: `(level - zero_point) * scale`. |level| must be below 2^16.
-#[expect(
-    clippy::cast_precision_loss,
-    reason = "the difference has 17 bits at most"
-)]
+#[expect(clippy::cast_precision_loss, reason = "the difference has 17 bits at most")]
 pub fn dequantise(level: i32, scale: f32, zero_point: i8) -> f32 {
     (level - i32::from(zero_point)) as f32 * scale
 }
@@ -63,8 +54,5 @@ pub fn code_range([least, greatest]: [i32; 2], scale: &[f32], zero_point: &[i8])
         let numbers = scale.iter().zip(zero_point);
         numbers.map(move |(scale, zero_point)| dequantise(level, *scale, *zero_point))
     };
-    [
-        ends(least).fold(f32::INFINITY, f32::min),
-        ends(greatest).fold(f32::NEG_INFINITY, f32::max),
-    ]
+    [ends(least).fold(f32::INFINITY, f32::min), ends(greatest).fold(f32::NEG_INFINITY, f32::max)]
 }

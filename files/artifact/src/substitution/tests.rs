@@ -7,10 +7,7 @@ use crate::testing;
 /// Returns a model with a table that `change` has altered; each electrode predicts the next one.
 fn with(change: impl Fn(&mut SubstitutionTable)) -> Result<Artifact, ArtifactError> {
     let mut table = SubstitutionTable {
-        description: SubstitutionDescription {
-            format: 1,
-            ..SubstitutionDescription::default()
-        },
+        description: SubstitutionDescription { format: 1, ..SubstitutionDescription::default() },
         weights: vec![0; 61 * 61],
         innovation: (1..=61).collect(),
     };
@@ -46,34 +43,16 @@ fn a_table_reads_back_with_the_same_id_which_covers_it() {
 fn a_table_out_of_range_or_of_another_montage_is_refused_by_name() {
     type Change = fn(&mut SubstitutionTable);
     let cases: [(Change, &str); 8] = [
-        (
-            |t| t.weights[7] = -128,
-            "weights, element 7: the weight is -128",
-        ),
-        (
-            |t| t.weights[62] = 1,
-            "weights, element 62: the electrode predicts itself",
-        ),
+        (|t| t.weights[7] = -128, "weights, element 7: the weight is -128"),
+        (|t| t.weights[62] = 1, "weights, element 62: the electrode predicts itself"),
         (
             |t| t.weights[125..142].fill(127),
             "weights, element 122: the magnitudes of the row's weights sum to more than 2,047",
         ),
-        (
-            |t| t.innovation[3] = 0,
-            "innovation, element 3: it is not in 1..=2^26",
-        ),
-        (
-            |t| t.innovation[60] = (1 << 26) + 1,
-            "innovation, element 60: it is not",
-        ),
-        (
-            |t| t.weights.truncate(60 * 60),
-            "weights has shape [3600], expected [61, 61]",
-        ),
-        (
-            |t| t.innovation.push(1),
-            "innovation has shape [62], expected [61]",
-        ),
+        (|t| t.innovation[3] = 0, "innovation, element 3: it is not in 1..=2^26"),
+        (|t| t.innovation[60] = (1 << 26) + 1, "innovation, element 60: it is not"),
+        (|t| t.weights.truncate(60 * 60), "weights has shape [3600], expected [61, 61]"),
+        (|t| t.innovation.push(1), "innovation has shape [62], expected [61]"),
         (|t| t.description.format = 2, "format is 2, but must be 1"),
     ];
     for (change, expected) in cases {

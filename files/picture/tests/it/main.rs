@@ -75,10 +75,7 @@ fn codes_are_drawn() {
 #[test]
 fn intervals_are_drawn() {
     let jitter = |index: u16| 62.5 + 0.4 * (f64::from(index) * 1.7).sin();
-    let series = |name: &str, ms| Series {
-        name: name.to_owned(),
-        ms,
-    };
+    let series = |name: &str, ms| Series { name: name.to_owned(), ms };
     let wider = |index: u16| 62.5 + 2.0 * (jitter(index) - 62.5);
     let intervals = Intervals {
         arrival: series("ours", (0..240).map(jitter).collect()),
@@ -86,13 +83,8 @@ fn intervals_are_drawn() {
         rival: Some(series("theirs", (0..240).map(wider).collect())),
         subtitle: SUBTITLE.to_owned(),
     };
-    let words = [
-        "interval (ms)",
-        "62.499 ± 0.227 ms",
-        "ours: 62.5",
-        "source: 62.500",
-        "theirs: 62.5",
-    ];
+    let words =
+        ["interval (ms)", "62.499 ± 0.227 ms", "ours: 62.5", "source: 62.500", "theirs: 62.5"];
     assert_drawn(|path| intervals.draw(path), &words, "<rect", 10..);
 }
 
@@ -126,10 +118,5 @@ fn a_histogram_is_drawn() {
         x: "level".to_owned(),
     };
     // One rectangle is the page's background, two are the bins that are not empty.
-    assert_drawn(
-        |path| histogram.draw(path),
-        &["level", "share"],
-        "<rect",
-        3..=3,
-    );
+    assert_drawn(|path| histogram.draw(path), &["level", "share"], "<rect", 3..=3);
 }

@@ -42,10 +42,7 @@ impl RecordAnnotations {
 
 fn parse_list(list: &[u8], found: &mut RecordAnnotations) -> bool {
     let mut parts = list.split(|&byte| byte == TEXT_END);
-    let mut times = parts
-        .next()
-        .unwrap_or_default()
-        .split(|&byte| byte == DURATION);
+    let mut times = parts.next().unwrap_or_default().split(|&byte| byte == DURATION);
     let Some(onset_s) = times.next().and_then(signed_seconds) else {
         return false;
     };
@@ -67,23 +64,14 @@ fn parse_list(list: &[u8], found: &mut RecordAnnotations) -> bool {
             continue;
         }
         let label = EventLabel::Text(decoded(text));
-        found.events.push(Event {
-            onset_s,
-            duration_s,
-            signal: None,
-            label,
-        });
+        found.events.push(Event { onset_s, duration_s, signal: None, label });
     }
     true
 }
 
 /// Parses an onset in seconds, which must start with a sign.
 fn signed_seconds(bytes: &[u8]) -> Option<f64> {
-    if matches!(bytes.first(), Some(b'+' | b'-')) {
-        seconds(bytes)
-    } else {
-        None
-    }
+    if matches!(bytes.first(), Some(b'+' | b'-')) { seconds(bytes) } else { None }
 }
 
 fn seconds(bytes: &[u8]) -> Option<f64> {
@@ -96,12 +84,7 @@ mod tests {
     use super::*;
 
     fn event(onset_s: f64, duration_s: Option<f64>, text: &str) -> Event {
-        Event {
-            onset_s,
-            duration_s,
-            signal: None,
-            label: EventLabel::Text(text.to_owned()),
-        }
+        Event { onset_s, duration_s, signal: None, label: EventLabel::Text(text.to_owned()) }
     }
 
     fn parse(bytes: &[u8]) -> RecordAnnotations {
@@ -144,10 +127,7 @@ mod tests {
             b"+5",
         ] {
             let found = parse(&[damaged, b"\0+6\x14b\x14\0"].concat());
-            assert_eq!(
-                found.first_invalid,
-                Some(damaged.escape_ascii().to_string())
-            );
+            assert_eq!(found.first_invalid, Some(damaged.escape_ascii().to_string()));
             assert_eq!(found.invalid, 1);
             assert_eq!(found.events, [event(6.0, None, "b")]);
         }

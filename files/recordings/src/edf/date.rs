@@ -53,42 +53,15 @@ mod tests {
     fn a_start_is_local_time_also_in_summer_and_at_the_turn_of_the_year() {
         let new_york = TimeZone::posix("EST5EDT,M3.2.0,M11.1.0").unwrap();
         for (seconds, zone, short, long, time) in [
-            (
-                Some(0),
-                &TimeZone::UTC,
-                "01.01.70",
-                "01-JAN-1970",
-                "00.00.00",
-            ),
-            (
-                Some(951_782_400),
-                &TimeZone::UTC,
-                "29.02.00",
-                "29-FEB-2000",
-                "00.00.00",
-            ),
-            (
-                Some(1_735_689_600),
-                &new_york,
-                "31.12.24",
-                "31-DEC-2024",
-                "19.00.00",
-            ),
-            (
-                Some(1_719_792_000),
-                &new_york,
-                "30.06.24",
-                "30-JUN-2024",
-                "20.00.00",
-            ),
+            (Some(0), &TimeZone::UTC, "01.01.70", "01-JAN-1970", "00.00.00"),
+            (Some(951_782_400), &TimeZone::UTC, "29.02.00", "29-FEB-2000", "00.00.00"),
+            (Some(1_735_689_600), &new_york, "31.12.24", "31-DEC-2024", "19.00.00"),
+            (Some(1_719_792_000), &new_york, "30.06.24", "30-JUN-2024", "20.00.00"),
             (None, &new_york, "01.01.85", "X", "00.00.00"),
         ] {
             let start = LocalStart::new(seconds.map(|seconds: i64| seconds * 1_000_000_000), zone);
             let written = (start.short_date(), start.long_date(), start.time());
-            assert_eq!(
-                written,
-                (short.to_owned(), long.to_owned(), time.to_owned())
-            );
+            assert_eq!(written, (short.to_owned(), long.to_owned(), time.to_owned()));
         }
     }
 }

@@ -37,18 +37,10 @@ struct Variant {
     name: &'static str,
 }
 
-const EDF: Variant = Variant {
-    bytes: 2,
-    digital: [-32_768.0, 32_767.0],
-    magic: *b"0       ",
-    name: "EDF",
-};
-const BDF: Variant = Variant {
-    bytes: 3,
-    digital: [-8_388_608.0, 8_388_607.0],
-    magic: *b"\xffBIOSEMI",
-    name: "BDF",
-};
+const EDF: Variant =
+    Variant { bytes: 2, digital: [-32_768.0, 32_767.0], magic: *b"0       ", name: "EDF" };
+const BDF: Variant =
+    Variant { bytes: 3, digital: [-8_388_608.0, 8_388_607.0], magic: *b"\xffBIOSEMI", name: "BDF" };
 
 /// Writes an EDF+ or BDF+ file record by record. A signal's range is mapped to integers of 16 or 24
 /// bits. Values are rounded, and values outside the range are clipped to it.
@@ -124,10 +116,7 @@ impl<W: Write + Seek> EdfWriter<W> {
         let annotation_bytes =
             (TIME_STAMP + in_record.max().unwrap_or(0)).next_multiple_of(variant.bytes);
         annotations.reverse();
-        let lines = file
-            .signals
-            .iter()
-            .map(|signal| calibration(signal, variant));
+        let lines = file.signals.iter().map(|signal| calibration(signal, variant));
         let lines: Vec<Calibration> = lines.collect::<io::Result<_>>()?;
         let samples = annotation_bytes / variant.bytes;
         out.write_all(&header(variant, file, &lines, samples)?)?;
@@ -161,8 +150,7 @@ impl<W: Write + Seek> EdfWriter<W> {
                 let digital = (f64::from(*value) - line.physical[0]) / line.gain() + least;
                 #[expect(clippy::cast_possible_truncation, reason = "clamped to the range")]
                 let digital = digital.round().clamp(least, most) as i32;
-                self.record
-                    .extend(&digital.to_le_bytes()[..self.variant.bytes]);
+                self.record.extend(&digital.to_le_bytes()[..self.variant.bytes]);
             }
         }
         let end = self.record.len() + self.annotation_bytes;
@@ -205,17 +193,9 @@ impl<W: Write + Seek> EdfWriter<W> {
 /// `InvalidInput` if the range is not finite, or if its ends are equal in 8 characters.
 fn calibration(signal: &SignalToWrite, variant: Variant) -> io::Result<Calibration> {
     let [least, most] = signal.range;
-    let [least, most] = if least < most {
-        [least, most]
-    } else {
-        [least - 1.0, least + 1.0]
-    };
+    let [least, most] = if least < most { [least, most] } else { [least - 1.0, least + 1.0] };
     let physical = [least, most].map(|end| number(end).parse().unwrap_or(f64::NAN));
-    let digital = if signal.is_integer {
-        [least, most]
-    } else {
-        variant.digital
-    };
+    let digital = if signal.is_integer { [least, most] } else { variant.digital };
     Calibration::new(digital, physical).ok_or_else(|| {
         invalid("the ends of a signal's range are finite, and differ within 8 characters")
     })
@@ -301,9 +281,7 @@ fn header(
         (0..signals - 1).for_each(|signal| field(&of(signal), length));
         field(last, length);
     };
-    fields(16, &format!("{name} Annotations"), &|signal| {
-        file.signals[signal].label.clone()
-    });
+    fields(16, &format!("{name} Annotations"), &|signal| file.signals[signal].label.clone());
     fields(80, "", &|_| String::new());
     fields(8, "", &|signal| file.signals[signal].unit().to_owned());
     fields(8, "-1", &|signal| number(lines[signal].physical[0]));
@@ -312,9 +290,7 @@ fn header(
     fields(8, &least, &|signal| lines[signal].digital[0].to_string());
     fields(8, &most, &|signal| lines[signal].digital[1].to_string());
     fields(80, "", &|_| String::new());
-    fields(8, &annotation_samples.to_string(), &|_| {
-        file.rows_per_record.to_string()
-    });
+    fields(8, &annotation_samples.to_string(), &|_| file.rows_per_record.to_string());
     fields(32, "", &|_| String::new());
     Ok(bytes)
 }

@@ -41,16 +41,10 @@ impl TablePrefix {
         let [mode, a, b, c, rest @ ..] = bytes;
         let middle = u32::from_le_bytes([a, b, c, 0]);
         match format {
-            Format::Gdf1(version) | Format::Gdf2(version) if version < NEW_PREFIX => Self {
-                mode,
-                count: u32::from_le_bytes(rest),
-                rate_hz: f64::from(middle),
-            },
-            _ => Self {
-                mode,
-                count: middle,
-                rate_hz: f32::from_le_bytes(rest).into(),
-            },
+            Format::Gdf1(version) | Format::Gdf2(version) if version < NEW_PREFIX => {
+                Self { mode, count: u32::from_le_bytes(rest), rate_hz: f64::from(middle) }
+            }
+            _ => Self { mode, count: middle, rate_hz: f32::from_le_bytes(rest).into() },
         }
     }
 
@@ -71,11 +65,7 @@ impl TablePrefix {
     /// Returns the rate of the samples in which event positions are counted, Hz; `fallback_hz` if
     /// the file states none.
     fn rate_or(&self, fallback_hz: f64) -> f64 {
-        if self.rate_hz.is_finite() && self.rate_hz > 0.0 {
-            self.rate_hz
-        } else {
-            fallback_hz
-        }
+        if self.rate_hz.is_finite() && self.rate_hz > 0.0 { self.rate_hz } else { fallback_hz }
     }
 
     /// Decodes the events in file order from `columns`, which has [`Self::column_bytes`] bytes.
@@ -101,12 +91,7 @@ impl TablePrefix {
                         duration_s = Some(f64::from(word) / rate_hz);
                     }
                 }
-                Event {
-                    onset_s: (f64::from(position) - 1.0) / rate_hz,
-                    duration_s,
-                    signal,
-                    label,
-                }
+                Event { onset_s: (f64::from(position) - 1.0) / rate_hz, duration_s, signal, label }
             })
             .collect()
     }
@@ -148,13 +133,7 @@ pub(crate) fn records_before_table(
             let table = TablePrefix::parse(header.format, array_at(&bytes, at));
             let columns = records * record_bytes + PREFIX as u64;
             if table.column_bytes() == Some(data_bytes - columns)
-                && is_table(
-                    source,
-                    header,
-                    file_bytes,
-                    table,
-                    header.data_start + columns,
-                )?
+                && is_table(source, header, file_bytes, table, header.data_start + columns)?
             {
                 return Ok(Some(records));
             }
@@ -184,8 +163,7 @@ fn is_table(
     let last = 1.0 + 2.0 * seconds * table.rate_or(header.fastest_rate_hz());
     let mut positions = vec![0; in_memory((4 * u64::from(table.count)).min(BLOCK_BYTES))];
     read_at(source, at, &mut positions)?;
-    let mut positions = positions
-        .chunks_exact(4)
-        .map(|position| u32::from_le_bytes(array_at(position, 0)));
+    let mut positions =
+        positions.chunks_exact(4).map(|position| u32::from_le_bytes(array_at(position, 0)));
     Ok(positions.all(|position| f64::from(position) <= last))
 }

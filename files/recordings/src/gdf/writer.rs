@@ -59,8 +59,7 @@ impl<W: Write + Seek> GdfWriter<W> {
         self.record.clear();
         for signal in 0..self.signals {
             let values = rows.iter().skip(signal).step_by(self.signals);
-            self.record
-                .extend(values.flat_map(|value| value.to_le_bytes()));
+            self.record.extend(values.flat_map(|value| value.to_le_bytes()));
         }
         self.records += 1;
         self.out.write_all(&self.record)
@@ -135,11 +134,7 @@ fn header(file: &FileToWrite) -> io::Result<Vec<u8>> {
     field(&|_| vec![0; 80]);
     field(&|signal| padded(signal.unit(), 6));
     field(&|signal| {
-        let code = if signal.is_microvolt {
-            MICROVOLT
-        } else {
-            DIMENSIONLESS
-        };
+        let code = if signal.is_microvolt { MICROVOLT } else { DIMENSIONLESS };
         code.to_le_bytes().to_vec()
     });
     // The physical range, then the digital one: both are equal, so values are stored unchanged.
@@ -178,9 +173,6 @@ mod tests {
     fn a_day_is_2_to_the_32() {
         assert_eq!(gdf_time(0), 719_529 << 32);
         // 2000-01-01 12:00 is 730,486.5 days after the start of the year 0.
-        assert_eq!(
-            gdf_time(946_728_000_000_000_000),
-            (730_486 << 32) + (1 << 31)
-        );
+        assert_eq!(gdf_time(946_728_000_000_000_000), (730_486 << 32) + (1 << 31));
     }
 }

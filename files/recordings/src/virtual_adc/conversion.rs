@@ -68,10 +68,7 @@ impl Conversion {
         }
         if map.origins().len() > CHANNELS {
             let electrodes = map.origins().len();
-            return Err(RecordingError::TooManyElectrodes {
-                electrodes,
-                channels: CHANNELS,
-            });
+            return Err(RecordingError::TooManyElectrodes { electrodes, channels: CHANNELS });
         }
         let mut rates: Vec<(Ratio, Vec<usize>)> = Vec::new();
         let mut mixes = Vec::with_capacity(map.origins().len());
@@ -84,11 +81,7 @@ impl Conversion {
             let mut mix = Vec::with_capacity(sources.len());
             for (signal, weight) in sources {
                 let (group, member) = find_or_add(signal, signals, &mut rates)?;
-                mix.push(MixTerm {
-                    group,
-                    member,
-                    weight,
-                });
+                mix.push(MixTerm { group, member, weight });
             }
             mixes.push(mix);
         }
@@ -97,11 +90,7 @@ impl Conversion {
             let label = signals[members[0]].label;
             let converter = RateConverter::new(label, rate, spec.rate_hz, members.len())?;
             let held = vec![0.0; members.len()];
-            groups.push(RateGroup {
-                signals: members,
-                converter,
-                held,
-            });
+            groups.push(RateGroup { signals: members, converter, held });
         }
         Ok(Self {
             spec,
@@ -225,28 +214,19 @@ fn find_or_add(
     signals: &[SignalRate],
     rates: &mut Vec<(Ratio, Vec<usize>)>,
 ) -> Result<(usize, usize), RecordingError> {
-    let described = signals.get(signal).ok_or(RecordingError::MapMismatch {
-        signal,
-        signals: signals.len(),
-    })?;
-    let no_samples = || RecordingError::NoSamples {
-        label: described.label.to_owned(),
-    };
+    let described = signals
+        .get(signal)
+        .ok_or(RecordingError::MapMismatch { signal, signals: signals.len() })?;
+    let no_samples = || RecordingError::NoSamples { label: described.label.to_owned() };
     let rate = described.rate.ok_or_else(no_samples)?;
-    let group = rates
-        .iter()
-        .position(|(other, _)| *other == rate)
-        .unwrap_or_else(|| {
-            rates.push((rate, Vec::new()));
-            rates.len() - 1
-        });
+    let group = rates.iter().position(|(other, _)| *other == rate).unwrap_or_else(|| {
+        rates.push((rate, Vec::new()));
+        rates.len() - 1
+    });
     let members = &mut rates[group].1;
-    let member = members
-        .iter()
-        .position(|&other| other == signal)
-        .unwrap_or_else(|| {
-            members.push(signal);
-            members.len() - 1
-        });
+    let member = members.iter().position(|&other| other == signal).unwrap_or_else(|| {
+        members.push(signal);
+        members.len() - 1
+    });
     Ok((group, member))
 }

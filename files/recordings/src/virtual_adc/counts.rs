@@ -25,12 +25,7 @@ pub(super) struct CountBlock {
 
 impl CountBlock {
     pub(super) fn new() -> Self {
-        Self {
-            counts: [[0; CHANNELS]; SAMPLES],
-            saturated: [0; SAMPLES],
-            length: 0,
-            delivered: 0,
-        }
+        Self { counts: [[0; CHANNELS]; SAMPLES], saturated: [0; SAMPLES], length: 0, delivered: 0 }
     }
 
     /// Returns whether all samples have been delivered.
@@ -113,9 +108,7 @@ pub(super) struct Dither {
 impl Dither {
     pub(super) fn new() -> Self {
         const { assert!(CHANNELS.is_multiple_of(CONVERTER_CHANNELS)) };
-        Self {
-            last: [i32::MIN; CHANNELS],
-        }
+        Self { last: [i32::MIN; CHANNELS] }
     }
 
     /// Adds one count to the channels of every chip that would repeat its previous counts.
@@ -180,9 +173,8 @@ mod tests {
             let beyond = unlimited.clone().filter(|value| !RAILS.contains(value));
             let saturated = u64::try_from(beyond.count()).expect("few values");
             #[expect(clippy::cast_possible_truncation, reason = "whole and within i24")]
-            let counts = unlimited
-                .map(|value| value.clamp(*RAILS.start(), *RAILS.end()) as i32)
-                .collect();
+            let counts =
+                unlimited.map(|value| value.clamp(*RAILS.start(), *RAILS.end()) as i32).collect();
             assert_eq!(converted(&values, weights, lsb_uv), (counts, saturated));
         }
     }
@@ -221,9 +213,7 @@ mod tests {
 
     #[test]
     fn one_channel_that_changes_is_enough_to_leave_its_converter_as_it_is() {
-        let samples: Vec<_> = (0..100)
-            .map(|k| sample([7, 7, 7, 7, 7, 7, 7, k % 2]))
-            .collect();
+        let samples: Vec<_> = (0..100).map(|k| sample([7, 7, 7, 7, 7, 7, 7, k % 2])).collect();
         assert_eq!(dithered(&samples), samples);
     }
 }

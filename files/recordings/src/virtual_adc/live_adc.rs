@@ -44,10 +44,7 @@ impl LiveAdc {
         let signals = labels.iter().map(AsRef::as_ref);
         let signals: Vec<SignalRate> = signals.map(|label| SignalRate { label, rate }).collect();
         let conversion = Conversion::new(&signals, map, spec)?;
-        Ok(Self {
-            conversion,
-            signals: labels.len(),
-        })
+        Ok(Self { conversion, signals: labels.len() })
     }
 
     /// Appends samples, uV: the first sample of all signals, then the second, and so on. Ignores an

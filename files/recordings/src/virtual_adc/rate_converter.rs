@@ -160,11 +160,8 @@ impl Resampler {
         let [numerator, denominator] = [self.step.numerator(), self.step.denominator()];
         let (whole, fraction) = (numerator / denominator, numerator % denominator);
         let is_carried = self.phase >= denominator - fraction;
-        self.phase = if is_carried {
-            self.phase - (denominator - fraction)
-        } else {
-            self.phase + fraction
-        };
+        self.phase =
+            if is_carried { self.phase - (denominator - fraction) } else { self.phase + fraction };
         usize::try_from(whole).unwrap_or(usize::MAX) + usize::from(is_carried)
     }
 }

@@ -127,10 +127,7 @@ fn file(cases: &[Case]) -> Vec<u8> {
 /// is the larger magnitude of these two terms.
 fn expected(case: &Case) -> (f64, f64) {
     // A header of GDF and the reader round integers beyond 2^53 to the nearest float64.
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "rounded integers of at most 64 bits"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "rounded integers of at most 64 bits")]
     let rounded = |value: i128| scaled(value, 0) as i128;
     let [d_min, d_max] = case.digital.map(|value| rounded(value) << case.wide);
     let [p_min, p_max] = case.physical;
@@ -198,11 +195,7 @@ fn a_range_as_wide_as_the_type_loses_no_sample() {
         (17, &float64, [-f64::MAX, f64::MAX, -f64::MAX, f64::MAX]),
         (17, &float64, [-1.7976e308, f64::MAX, -f64::MAX, 1.7976e308]),
         (7, &int64, [-integer, integer, -integer, integer]),
-        (
-            7,
-            &int64,
-            [-integer, integer - 1024.0, -integer, integer - 1024.0],
-        ),
+        (7, &int64, [-integer, integer - 1024.0, -integer, integer - 1024.0]),
     ] {
         let mut signal = GdfSignal::with_type(type_number, 2, data.clone());
         signal.ranges = ranges;

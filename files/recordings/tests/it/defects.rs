@@ -30,26 +30,10 @@ fn a_defect_that_does_not_prevent_reading_is_a_warning_and_the_samples_are_read(
         (temp, "0/1/nan/inf", "digital nan..inf"),
         (temp, "0/1/-32,768/32,767", "digital -32,768..32,767"),
         (temp, "0,5/45,5/0/100", "2 header fields, such as \"0,5\""),
-        (
-            cz,
-            "-3276,8/3276,7",
-            "such as \"-3276,8\" (physical limit of signal 1 (Cz))",
-        ),
-        (
-            cz,
-            "-10/10/-100,0/100,0",
-            "2 header fields, such as \"-100,0\"",
-        ),
-        (
-            duration,
-            "1,0",
-            "such as \"1,0\" (duration of a record of the file)",
-        ),
-        (
-            version,
-            "20160817",
-            "the version in the header is '20160817'",
-        ),
+        (cz, "-3276,8/3276,7", "such as \"-3276,8\" (physical limit of signal 1 (Cz))"),
+        (cz, "-10/10/-100,0/100,0", "2 header fields, such as \"-100,0\""),
+        (duration, "1,0", "such as \"1,0\" (duration of a record of the file)"),
+        (version, "20160817", "the version in the header is '20160817'"),
         (version, "0.1", "the version in the header is '0.1'"),
     ] {
         let mut bytes = file.bytes();
@@ -57,11 +41,7 @@ fn a_defect_that_does_not_prevent_reading_is_a_warning_and_the_samples_are_read(
             bytes[at + 16 * field..][..8].copy_from_slice(format!("{text:8}").as_bytes());
         }
         let mut recording = open(bytes).expect("usable");
-        let warnings: Vec<String> = recording
-            .warnings()
-            .iter()
-            .map(ToString::to_string)
-            .collect();
+        let warnings: Vec<String> = recording.warnings().iter().map(ToString::to_string).collect();
         assert_eq!(warnings.len(), 1, "{said}: {warnings:?}");
         assert!(warnings[0].contains(said), "{said}: {}", warnings[0]);
         assert_eq!(recording.format(), Format::Edf);
@@ -70,10 +50,7 @@ fn a_defect_that_does_not_prevent_reading_is_a_warning_and_the_samples_are_read(
         let samples = &read_all(&mut recording)[0];
         let mut pairs = samples.iter().zip([gain, 2.0 * gain]);
         // The limits are rounded decimals of at most 3276.8.
-        assert!(
-            pairs.all(|(found, value)| (found - value).abs() < 1e-11),
-            "{samples:?}"
-        );
+        assert!(pairs.all(|(found, value)| (found - value).abs() < 1e-11), "{samples:?}");
         assert_eq!(recording.duration_s(), 1.0);
     }
 }
@@ -93,36 +70,21 @@ fn a_signal_that_cannot_be_scaled_is_refused_where_it_is_used() {
     assert!(play(Missing::Zero, "Oz").is_none());
     for (missing, electrode) in [(Missing::Zero, "Pz"), (Missing::Interpolate, "Oz")] {
         let error = play(missing, electrode).expect("refused");
-        assert!(
-            matches!(&error, RecordingError::Range { label, .. } if label == "Pz"),
-            "{error}"
-        );
-        assert!(
-            error.to_string().contains("give it another label"),
-            "{error}"
-        );
+        assert!(matches!(&error, RecordingError::Range { label, .. } if label == "Pz"), "{error}");
+        assert!(error.to_string().contains("give it another label"), "{error}");
     }
 }
 
 #[test]
 fn a_file_that_is_no_edf_file_is_not_read_as_one() {
-    let bytes = EdfFile {
-        magic: *b"20160817",
-        ..edf()
-    }
-    .bytes();
+    let bytes = EdfFile { magic: *b"20160817", ..edf() }.bytes();
     // In turn: a wrong header length, a wrong number of signals, a binary version, a short file.
     let damage = |at: usize, byte: u8| {
         let mut bytes = bytes.clone();
         bytes[at] = byte;
         bytes
     };
-    for bytes in [
-        damage(184, b'9'),
-        damage(252, b'2'),
-        damage(3, 7),
-        bytes[..200].to_vec(),
-    ] {
+    for bytes in [damage(184, b'9'), damage(252, b'2'), damage(3, 7), bytes[..200].to_vec()] {
         assert_refused!(bytes, RecordingError::UnknownFormat { .. });
     }
 }
@@ -142,11 +104,7 @@ fn events_are_played_at_their_sample_although_times_of_records_are_odd() {
         ("EDF+C", "+0||;+0.25|a|; +0||;+1.25|b|; +0||;+2.25|c|;", ""),
         ("EDF+C", "+5||;+5.25|a|; ; +6.25|b|;+7.25|c|;", ""),
         // Records without a usable time follow the record before them.
-        (
-            "EDF+D",
-            "+5||;+5.25|a|; +6.25|b|; +1||;+7.25|c|;",
-            "2 records have no time",
-        ),
+        ("EDF+D", "+5||;+5.25|a|; +6.25|b|; +1||;+7.25|c|;", "2 records have no time"),
         (
             "EDF+D",
             "+5||;+5.25|a|; +60||;+60.25|b|; +99.5||;+99.75|c|;",
@@ -159,10 +117,7 @@ fn events_are_played_at_their_sample_although_times_of_records_are_odd() {
             "2 annotation lists cannot be read and are left out, the first is \"+0.1\\x15\\x14x\\x14\"",
         ),
     ] {
-        let bytes = lists
-            .replace('|', "\x14")
-            .replace('^', "\x15")
-            .replace(';', "\0");
+        let bytes = lists.replace('|', "\x14").replace('^', "\x15").replace(';', "\0");
         let records: Vec<&[u8]> = bytes.split(' ').map(str::as_bytes).collect();
         let file = EdfFile::edf_plus(reserved, "3", (4, &[0; 12]), &records);
         let mut recording = open(file.bytes()).expect("usable");
@@ -175,20 +130,9 @@ fn events_are_played_at_their_sample_although_times_of_records_are_odd() {
                 "{lists}"
             );
         }
-        let warnings: Vec<String> = recording
-            .warnings()
-            .iter()
-            .map(ToString::to_string)
-            .collect();
-        assert_eq!(
-            warnings.len(),
-            usize::from(!warning.is_empty()),
-            "{warnings:?}"
-        );
-        assert!(
-            warnings.iter().all(|said| said.contains(warning)),
-            "{warnings:?}"
-        );
+        let warnings: Vec<String> = recording.warnings().iter().map(ToString::to_string).collect();
+        assert_eq!(warnings.len(), usize::from(!warning.is_empty()), "{warnings:?}");
+        assert!(warnings.iter().all(|said| said.contains(warning)), "{warnings:?}");
     }
 }
 
@@ -210,16 +154,8 @@ fn table(mode: u8, rows: &[(u32, u16, u16, u32)]) -> Vec<u8> {
 
 #[test]
 fn event_tables_of_all_modes_and_types_from_0x8000_are_played() {
-    let rows = [
-        (1, 0x8205, 0, 4),
-        (3, 0x0301, 5, 0),
-        (5, 0x8301, 5, 0),
-        (6, 0x8301, 0, 0),
-    ];
-    for (mode, records) in [1, 3, 5, 7]
-        .into_iter()
-        .flat_map(|mode| [2, -1, 0].map(|n| (mode, n)))
-    {
+    let rows = [(1, 0x8205, 0, 4), (3, 0x0301, 5, 0), (5, 0x8301, 5, 0), (6, 0x8301, 0, 0)];
+    for (mode, records) in [1, 3, 5, 7].into_iter().flat_map(|mode| [2, -1, 0].map(|n| (mode, n))) {
         let mut file = GdfFile::float32(records, 4, &[1.5; 8]);
         file.version = "2.51";
         file.events = table(mode, &rows);
@@ -229,10 +165,7 @@ fn event_tables_of_all_modes_and_types_from_0x8000_are_played() {
         let found = recording.events().expect("readable");
         assert_eq!((found.len(), &found[0]), (4, &first), "mode {mode}");
         assert_eq!(found[1].signal, has_durations.then_some(4));
-        assert_eq!(
-            recording.onsets().expect("readable").seconds,
-            [0.0, 0.5, 1.25]
-        );
+        assert_eq!(recording.onsets().expect("readable").seconds, [0.0, 0.5, 1.25]);
         assert_eq!(read_all(&mut recording)[0].len(), 8, "mode {mode}");
     }
     for mode in [0, 2, 4, 9] {
@@ -247,11 +180,7 @@ fn event_tables_of_all_modes_and_types_from_0x8000_are_played() {
 
 #[test]
 fn a_sparse_sample_has_a_value_instead_of_a_duration_and_is_counted() {
-    let rows = [
-        (1, 0x7fff, 2, 0xffff_fff6),
-        (2, 0x7fff, 2, 7),
-        (3, 0x0301, 0, 4),
-    ];
+    let rows = [(1, 0x7fff, 2, 0xffff_fff6), (2, 0x7fff, 2, 7), (3, 0x0301, 0, 4)];
     for mode in [1, 3] {
         let mut file = GdfFile::float32(2, 4, &[1.5; 8]);
         file.events = table(mode, &rows);
@@ -264,10 +193,7 @@ fn a_sparse_sample_has_a_value_instead_of_a_duration_and_is_counted() {
             1 => (EventLabel::Type(0x7fff), None),
             _ => (EventLabel::SparseSample(0xffff_fff6), Some(1)),
         };
-        let expected = Event {
-            signal,
-            ..event(0.0, None, label)
-        };
+        let expected = Event { signal, ..event(0.0, None, label) };
         assert_eq!(recording.events().expect("readable")[0], expected);
     }
 }
@@ -279,16 +205,10 @@ fn impossible_sizes_are_refused_without_an_allocation() {
     let mut bytes = file.bytes();
     bytes.extend([0; 100]);
     let error = open(bytes).err().expect("refused").to_string();
-    assert!(
-        error.contains("a record takes 199999998 bytes and the file holds 100"),
-        "{error}"
-    );
+    assert!(error.contains("a record takes 199999998 bytes and the file holds 100"), "{error}");
 
     let mut file = GdfFile::float32(i64::MAX, u32::MAX, &[]);
     file.signals[0].type_number = 17;
     let error = open(file.bytes()).err().expect("refused").to_string();
-    assert!(
-        error.contains("a record takes 34359738360 bytes"),
-        "{error}"
-    );
+    assert!(error.contains("a record takes 34359738360 bytes"), "{error}");
 }

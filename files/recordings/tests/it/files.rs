@@ -28,17 +28,8 @@ impl EdfSignal {
     /// Creates a signal of 16-bit samples with 1 uV per digital unit.
     pub(crate) fn int16(label: &'static str, samples_per_record: usize, samples: &[i16]) -> Self {
         let ranges = ["-32768", "32767", "-32768", "32767"].map(str::to_owned);
-        let data = samples
-            .iter()
-            .flat_map(|sample| sample.to_le_bytes())
-            .collect();
-        Self {
-            label,
-            unit: "uV",
-            ranges,
-            samples_per_record,
-            data,
-        }
+        let data = samples.iter().flat_map(|sample| sample.to_le_bytes()).collect();
+        Self { label, unit: "uV", ranges, samples_per_record, data }
     }
 
     /// Creates an annotation signal with one annotation list for each record, padded to 60 bytes.
@@ -46,9 +37,7 @@ impl EdfSignal {
         let mut signal = Self::int16("EDF Annotations", 30, &[]);
         for list in lists {
             signal.data.extend_from_slice(list);
-            signal
-                .data
-                .resize(signal.data.len().next_multiple_of(60), 0);
+            signal.data.resize(signal.data.len().next_multiple_of(60), 0);
         }
         signal
     }
@@ -69,14 +58,7 @@ pub(crate) struct EdfFile {
 
 impl EdfFile {
     pub(crate) fn edf(records: &'static str, signals: Vec<EdfSignal>) -> Self {
-        Self {
-            magic: *b"0       ",
-            reserved: "",
-            records,
-            duration: "1",
-            sample_bytes: 2,
-            signals,
-        }
+        Self { magic: *b"0       ", reserved: "", records, duration: "1", sample_bytes: 2, signals }
     }
 
     /// Creates a BDF file of one signal `Cz` with `samples_per_record` samples of 3 bytes each.
@@ -86,11 +68,7 @@ impl EdfFile {
             data,
             ..EdfSignal::int16("Cz", samples_per_record, &[])
         };
-        Self {
-            magic: *b"\xffBIOSEMI",
-            sample_bytes: 3,
-            ..Self::edf(records, vec![signal])
-        }
+        Self { magic: *b"\xffBIOSEMI", sample_bytes: 3, ..Self::edf(records, vec![signal]) }
     }
 
     /// Creates an EDF+ file of one signal `Cz` and one annotation list for each record. `reserved`
@@ -102,10 +80,7 @@ impl EdfFile {
         lists: &[&[u8]],
     ) -> Self {
         let signal = EdfSignal::int16("Cz", samples_per_record, samples);
-        Self {
-            reserved,
-            ..Self::edf(records, vec![signal, EdfSignal::annotations(lists)])
-        }
+        Self { reserved, ..Self::edf(records, vec![signal, EdfSignal::annotations(lists)]) }
     }
 
     pub(crate) fn bytes(&self) -> Vec<u8> {
@@ -127,14 +102,10 @@ impl EdfFile {
         self.signals.iter().for_each(|_| put("AgAgCl", 80));
         self.signals.iter().for_each(|signal| put(signal.unit, 8));
         for range in 0..4 {
-            self.signals
-                .iter()
-                .for_each(|signal| put(&signal.ranges[range], 8));
+            self.signals.iter().for_each(|signal| put(&signal.ranges[range], 8));
         }
         self.signals.iter().for_each(|_| put("", 80));
-        self.signals
-            .iter()
-            .for_each(|signal| put(&signal.samples_per_record.to_string(), 8));
+        self.signals.iter().for_each(|signal| put(&signal.samples_per_record.to_string(), 8));
         self.signals.iter().for_each(|_| put("", 32));
         let signals = self.signals.iter();
         let parts = signals.map(|s| (s.samples_per_record * self.sample_bytes, &*s.data));
@@ -224,10 +195,7 @@ impl GdfFile {
             let bytes = SampleType::from_gdf(signal.type_number).map_or(4, SampleType::bytes);
             signal.samples_per_record as usize * bytes
         };
-        let parts = self
-            .signals
-            .iter()
-            .map(|signal| (size(signal), &*signal.data));
+        let parts = self.signals.iter().map(|signal| (size(signal), &*signal.data));
         append_records(&mut out, &parts.collect::<Vec<_>>());
         out.extend_from_slice(&self.events);
         out
@@ -242,11 +210,7 @@ impl GdfFile {
         if version > "2.20" {
             out.extend(self.length_s.to_le_bytes());
         } else {
-            out.extend(
-                [self.duration.0, self.duration.1]
-                    .map(u32::to_le_bytes)
-                    .concat(),
-            );
+            out.extend([self.duration.0, self.duration.1].map(u32::to_le_bytes).concat());
         }
         out.extend(count.to_le_bytes());
         out.resize(256, 0);
@@ -286,16 +250,10 @@ impl GdfFile {
 
 /// Encodes an event table of mode 1 from pairs (position, type).
 pub(crate) fn event_table(rate_hz: f32, events: &[(u32, u16)]) -> Vec<u8> {
-    let count = u32::try_from(events.len())
-        .expect("few events")
-        .to_le_bytes();
+    let count = u32::try_from(events.len()).expect("few events").to_le_bytes();
     let mut table = vec![1, count[0], count[1], count[2]];
     table.extend(rate_hz.to_le_bytes());
-    table.extend(
-        events
-            .iter()
-            .flat_map(|(position, _)| position.to_le_bytes()),
-    );
+    table.extend(events.iter().flat_map(|(position, _)| position.to_le_bytes()));
     table.extend(events.iter().flat_map(|(_, label)| label.to_le_bytes()));
     table
 }

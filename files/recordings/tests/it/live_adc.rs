@@ -54,11 +54,7 @@ fn counts_are_those_of_a_recording_and_come_with_the_frame_after_the_delay() {
             // the source, less the delay.
             appended += frame.len() / LABELS.len();
             let reached = appended.saturating_sub(adc.delay());
-            assert_eq!(
-                counts.len(),
-                (reached * 512).div_ceil(rate_hz as usize),
-                "{rate_hz} Hz"
-            );
+            assert_eq!(counts.len(), (reached * 512).div_ceil(rate_hz as usize), "{rate_hz} Hz");
         }
         assert_eq!(counts, expected[..counts.len()], "{rate_hz} Hz");
     }

@@ -1,8 +1,5 @@
 //! Tests the readers and the virtual ADC with synthetic and real files.
-#![allow(
-    clippy::float_cmp,
-    reason = "values that a header scales by powers of two are exact"
-)]
+#![allow(clippy::float_cmp, reason = "values that a header scales by powers of two are exact")]
 
 /// Asserts that a file is refused with an error that matches `$error`.
 macro_rules! assert_refused {
@@ -35,12 +32,7 @@ fn open(bytes: Vec<u8>) -> Result<Recording, RecordingError> {
 
 /// Returns an event that concerns all signals.
 fn event(onset_s: f64, duration_s: Option<f64>, label: EventLabel) -> Event {
-    Event {
-        onset_s,
-        duration_s,
-        signal: None,
-        label,
-    }
+    Event { onset_s, duration_s, signal: None, label }
 }
 
 /// Reads all samples of all signals, each in the signal's unit.

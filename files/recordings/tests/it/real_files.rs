@@ -45,10 +45,7 @@ fn edf_plus_of_eegmmidb_equals_mne() {
     assert_eq!(events[3], event(12.5, Some(4.1), text("T1")));
     let samples = read_all(&mut recording);
     assert_eq!((samples[0].len(), samples[64].len()), (20_000, 0));
-    assert_eq!(
-        [samples[0][0], samples[1][0], samples[2][0]],
-        [-5.0, 2.0, 37.0]
-    );
+    assert_eq!([samples[0][0], samples[1][0], samples[2][0]], [-5.0, 2.0, 37.0]);
     assert_eq!(samples[0].iter().sum::<f64>(), 2783.0);
 }
 
@@ -101,10 +98,7 @@ fn gdf_of_a_bci_and_of_an_ecg_equal_mne() {
     let events = recording.events().expect("readable");
     assert_eq!(events.len(), 280);
     // Position 1280, counted from 1, at 128 Hz is 9.9921875 s, which MNE prints as 9.992188 s.
-    assert_eq!(
-        events[0],
-        event(1279.0 / 128.0, None, EventLabel::Type(785))
-    );
+    assert_eq!(events[0], event(1279.0 / 128.0, None, EventLabel::Type(785)));
     let samples = read_all(&mut recording);
     assert_eq!(samples[0].len(), 49_673);
     assert!(close(samples[0][0], -1.483_818_357_620_83));
@@ -131,10 +125,7 @@ fn a_10_10_cap_covers_the_scalp_grid() {
         .expect("common electrodes");
     // Of the grid's 61 electrodes, the recording has 31: F3..F4, P3..P4 and seven columns each of
     // FC, C and CP. The other 30 are interpolated.
-    assert_eq!(
-        (map.real().len(), map.interpolated().len(), map.zero().len()),
-        (31, 30, 0)
-    );
+    assert_eq!((map.real().len(), map.interpolated().len(), map.zero().len()), (31, 30, 0));
     assert!(map.unused().contains(&"EDF Annotations"));
 
     let played = played(recording, &grid.labels(), Missing::Interpolate);
@@ -144,13 +135,9 @@ fn a_10_10_cap_covers_the_scalp_grid() {
     let mut reference = grid;
     let reference = &read_all(&mut reference)[cz];
     let lsb_uv = played.spec().lsb_uv;
-    let played = played
-        .take(reference.len())
-        .map(|sample| f64::from(sample.expect("data")[cz]));
-    let pairs: Vec<(f64, f64)> = played
-        .map(|count| count * lsb_uv)
-        .zip(reference.iter().copied())
-        .collect();
+    let played = played.take(reference.len()).map(|sample| f64::from(sample.expect("data")[cz]));
+    let pairs: Vec<(f64, f64)> =
+        played.map(|count| count * lsb_uv).zip(reference.iter().copied()).collect();
     let rms = |of: &dyn Fn(&(f64, f64)) -> f64| {
         (pairs.iter().map(|pair| of(pair).powi(2)).sum::<f64>() / f64::from(30 * 512)).sqrt()
     };
@@ -168,10 +155,7 @@ fn recordings_without_scalp_electrodes_are_refused_with_their_labels() {
     };
     let refused = MontageMap::new(&recording.labels(), &["Cz"], Missing::Interpolate);
     let error = refused.expect_err("an ECG");
-    assert!(
-        matches!(error, MontageMapError::NoCommonElectrode { .. }),
-        "{error}"
-    );
+    assert!(matches!(error, MontageMapError::NoCommonElectrode { .. }), "{error}");
     let Some(recording) = open("bdf_edf/test.bdf") else {
         return;
     };

@@ -15,18 +15,12 @@ fn signals_with_different_rates_keep_their_samples_and_units() {
         ..EdfSignal::int16("EEG Cz", 2, &[-100, 0, 50, 100])
     };
     let fast = EdfSignal::int16("EOG", 4, &[1, 2, 3, 4, 5, 6, 7, 8]);
-    let file = EdfFile {
-        duration: "0.5",
-        ..EdfFile::edf("2", vec![slow, fast])
-    };
+    let file = EdfFile { duration: "0.5", ..EdfFile::edf("2", vec![slow, fast]) };
     let mut recording = open(file.bytes()).expect("a valid file");
     assert_eq!(recording.format(), Format::Edf);
     assert_eq!(recording.warnings(), []);
     assert_eq!(recording.duration_s(), 1.0);
-    let rates = recording
-        .signals()
-        .iter()
-        .map(|signal| signal.rate.map(Ratio::value));
+    let rates = recording.signals().iter().map(|signal| signal.rate.map(Ratio::value));
     assert_eq!(rates.collect::<Vec<_>>(), [Some(4.0), Some(8.0)]);
     assert_eq!(recording.signals()[0].unit.microvolts(), Some(1000.0));
     let samples = read_all(&mut recording);
@@ -61,11 +55,7 @@ fn unknown_and_wrong_numbers_of_records_cause_a_warning() {
     let mut bytes = EdfFile::edf("5", signal()).bytes();
     bytes.extend([9, 9, 9]);
     let mut truncated = open(bytes).expect("usable");
-    let warning = Warning::Truncated {
-        promised: 5,
-        whole: 3,
-        left_over: 3,
-    };
+    let warning = Warning::Truncated { promised: 5, whole: 3, left_over: 3 };
     assert_eq!(truncated.warnings(), [warning]);
     assert_eq!(read_all(&mut truncated)[0], [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
 
@@ -73,14 +63,8 @@ fn unknown_and_wrong_numbers_of_records_cause_a_warning() {
     bytes.push(0);
     let mut longer = open(bytes).expect("usable");
     let warning = longer.warnings()[0].to_string();
-    assert!(
-        warning.contains("2 records (2.000 s) and 1 bytes"),
-        "{warning}"
-    );
-    assert!(
-        warning.contains("write -1") && warning.contains("byte 236"),
-        "{warning}"
-    );
+    assert!(warning.contains("2 records (2.000 s) and 1 bytes"), "{warning}");
+    assert!(warning.contains("write -1") && warning.contains("byte 236"), "{warning}");
     assert_eq!(read_all(&mut longer)[0].len(), 2);
 }
 
@@ -92,22 +76,13 @@ fn unusable_headers_are_refused_with_the_name_of_the_field() {
         file.signals[0].ranges[range] = value.to_owned();
         file
     };
-    let with_duration = |duration| EdfFile {
-        duration,
-        ..valid()
-    };
+    let with_duration = |duration| EdfFile { duration, ..valid() };
     let records = "-7";
     for (file, expected) in [
-        (
-            with_range(3, "-32768"),
-            "signal Cz cannot be scaled: digital -32768..-32768",
-        ),
+        (with_range(3, "-32768"), "signal Cz cannot be scaled: digital -32768..-32768"),
         (with_range(1, "inf"), "cannot be scaled"),
         (with_duration("0"), "duration of a record"),
-        (
-            with_duration("1 s"),
-            "holds \"1 s\", which is not usable: a plain number",
-        ),
+        (with_duration("1 s"), "holds \"1 s\", which is not usable: a plain number"),
         (EdfFile { records, ..valid() }, "number of records"),
         (EdfFile::edf("0", Vec::new()), "number of signals"),
     ] {
@@ -118,17 +93,11 @@ fn unusable_headers_are_refused_with_the_name_of_the_field() {
     let bytes = valid().bytes();
     assert_refused!(
         bytes[..300].to_vec(),
-        RecordingError::HeaderTruncated {
-            needed: 512,
-            found: 300
-        }
+        RecordingError::HeaderTruncated { needed: 512, found: 300 }
     );
     assert_refused!(
         bytes[..512].to_vec(),
-        RecordingError::NoData {
-            record_bytes: 4,
-            data_bytes: 0
-        }
+        RecordingError::NoData { record_bytes: 4, data_bytes: 0 }
     );
     assert_refused!(Vec::new(), RecordingError::Empty);
     for other in [&b"GDF"[..], b"%PDF-1.7 something else"] {

@@ -69,20 +69,14 @@ fn each_signal_of_a_file_has_its_own_unit() {
         ..GdfSignal::with_type(3, 1, vec![1, 0])
     };
     // 4275, 4274 and 4256 are the ISO/IEEE 11073 codes of microvolt, millivolt and volt.
-    let signals = vec![
-        signal("Fp1", "uV", 4275),
-        signal("Cz", "mV", 4274),
-        signal("Oz", "V", 4256),
-    ];
+    let signals =
+        vec![signal("Fp1", "uV", 4275), signal("Cz", "mV", 4274), signal("Oz", "V", 4256)];
     let mut file = GdfFile::version_2(1, signals);
     for version_1 in [false, true] {
         file.version_1 = version_1;
         let recording = open(file.bytes()).expect("a valid file");
-        let units: Vec<_> = recording
-            .signals()
-            .iter()
-            .map(|signal| signal.unit.microvolts())
-            .collect();
+        let units: Vec<_> =
+            recording.signals().iter().map(|signal| signal.unit.microvolts()).collect();
         let expected = [Some(1.0), Some(1e3), Some(1e6)];
         assert_eq!(units, expected, "version 1: {version_1}");
     }
@@ -99,15 +93,9 @@ fn unknown_record_counts_truncation_and_unknown_units_cause_warnings() {
     assert_eq!(
         recording.warnings(),
         [
-            Warning::UnitUnknown {
-                signals: vec!["Cz (code 512)".to_owned()]
-            },
+            Warning::UnitUnknown { signals: vec!["Cz (code 512)".to_owned()] },
             Warning::RecordsUnknown { derived: 2 },
-            Warning::Truncated {
-                promised: 2,
-                whole: 2,
-                left_over: 1
-            },
+            Warning::Truncated { promised: 2, whole: 2, left_over: 1 },
         ]
     );
 }
@@ -117,10 +105,7 @@ fn unusable_headers_are_refused() {
     let valid = || GdfFile::float32(1, 1, &[1.0]);
     let mut packed = valid();
     packed.signals[0].type_number = 255 + 12;
-    assert_refused!(
-        packed.bytes(),
-        RecordingError::SampleType { number: 267, .. }
-    );
+    assert_refused!(packed.bytes(), RecordingError::SampleType { number: 267, .. });
     let mut flat = valid();
     flat.signals[0].ranges[2] = 100.0;
     assert_refused!(flat.bytes(), RecordingError::Range { .. });
@@ -154,10 +139,7 @@ fn read(bytes: Vec<u8>) -> (Vec<Event>, Vec<Vec<f64>>, Vec<Warning>) {
 /// Builds a file of one float32 signal with `per_record` samples in each record of 1 s; its header
 /// states -1 records.
 fn unstated(per_record: u32, samples: &[f32], events: Vec<u8>) -> GdfFile {
-    GdfFile {
-        events,
-        ..GdfFile::float32(-1, per_record, samples)
-    }
+    GdfFile { events, ..GdfFile::float32(-1, per_record, samples) }
 }
 
 #[test]
@@ -193,14 +175,8 @@ fn an_event_table_is_not_read_as_samples() {
 fn samples_that_look_like_a_table_stay_samples() {
     // Read as tables, the last bytes would mean: first, mode 1 with two rows at position 1,000,000
     // in a file of 8 s; second, mode 1 without rows at a rate of 3e-45 Hz. Neither is plausible.
-    for words in [
-        vec![9, 9, 9, 0x0201, 2, 1_000_000, 1_000_000, 7],
-        vec![9, 9, 9, 9, 9, 9, 1, 2],
-    ] {
-        let data = words
-            .iter()
-            .flat_map(|word: &u32| word.to_le_bytes())
-            .collect();
+    for words in [vec![9, 9, 9, 0x0201, 2, 1_000_000, 1_000_000, 7], vec![9, 9, 9, 9, 9, 9, 1, 2]] {
+        let data = words.iter().flat_map(|word: &u32| word.to_le_bytes()).collect();
         let file = GdfFile::version_2(-1, vec![GdfSignal::with_type(6, 1, data)]);
         let (events, samples, warnings) = read(file.bytes());
         assert_eq!(events, []);
@@ -215,15 +191,8 @@ fn a_truncated_table_is_not_recognised() {
     events.pop();
     let (events, samples, warnings) = read(unstated(8, &[0.5; 8], events).bytes());
     assert_eq!((events.len(), samples[0].len()), (0, 8));
-    let truncated = Warning::Truncated {
-        promised: 1,
-        whole: 1,
-        left_over: 19,
-    };
-    assert_eq!(
-        warnings,
-        [Warning::RecordsUnknown { derived: 1 }, truncated]
-    );
+    let truncated = Warning::Truncated { promised: 1, whole: 1, left_over: 19 };
+    assert_eq!(warnings, [Warning::RecordsUnknown { derived: 1 }, truncated]);
 }
 
 #[test]

@@ -46,11 +46,7 @@ fn tones(hz: &[f64], per_record: u32, record_s: (u32, u32), records: usize) -> V
         }
     });
     let records = i64::try_from(records).expect("small");
-    GdfFile {
-        duration: record_s,
-        ..GdfFile::version_2(records, signals.collect())
-    }
-    .bytes()
+    GdfFile { duration: record_s, ..GdfFile::version_2(records, signals.collect()) }.bytes()
 }
 
 /// Plays a file of tones. Returns the largest error of each tone at least `edge_s` away from both
@@ -61,14 +57,9 @@ fn errors_db(file: Vec<u8>, hz: &[f64], edge_s: f64, expected: fn(f64, f64) -> f
     assert_eq!(counters, AdcCounters::default());
     let end_s = seconds(counts.len(), 512.0) - edge_s;
     let times = (0..counts.len()).map(|sample| seconds(sample, 512.0));
-    let inside = times
-        .zip(&counts)
-        .filter(|(time_s, _)| (edge_s..end_s).contains(time_s));
+    let inside = times.zip(&counts).filter(|(time_s, _)| (edge_s..end_s).contains(time_s));
     let inside: Vec<_> = inside.collect();
-    assert!(
-        inside.len() > 256,
-        "a quarter of a period of 0.5 Hz at least"
-    );
+    assert!(inside.len() > 256, "a quarter of a period of 0.5 Hz at least");
     let errors = hz.iter().enumerate().map(|(signal, hz)| {
         let errors = inside.iter().map(|(time_s, counts)| {
             (f64::from(counts[signal]) * ADS1299.lsb_uv - expected(*hz, *time_s)).abs()
@@ -95,9 +86,7 @@ fn play(bytes: Vec<u8>, electrodes: &[&str], missing: Missing) -> (Vec<[i32; 64]
 fn a_resampled_tone_is_the_tone_at_k_over_rate() {
     // The errors include all images. At most -84.4 dB was measured.
     println!("      Hz | error of 1, 10, 30, 60 Hz, dB");
-    for rate_hz in [
-        100, 128, 160, 250, 256, 500, 1000, 1024, 2000, 2048, 5000, 20_000,
-    ] {
+    for rate_hz in [100, 128, 160, 250, 256, 500, 1000, 1024, 2000, 2048, 5000, 20_000] {
         // A rate reduced by 0.3 Hz, in one record of 10 s, has a ratio of large terms to 512 Hz.
         for per_record in [10 * rate_hz, 10 * rate_hz - 3] {
             let rate_hz = f64::from(per_record) / 10.0;
@@ -105,10 +94,7 @@ fn a_resampled_tone_is_the_tone_at_k_over_rate() {
             let hz = [1.0, 10.0, 30.0, 60.0_f64.min(0.45 * rate_hz)];
             let errors = errors_db(tones(&hz, per_record, (10, 1), 1), &hz, 0.7, tone_uv);
             println!("{rate_hz:8.1} | {errors:6.1?}");
-            assert!(
-                errors.iter().all(|db| *db < -84.0),
-                "{rate_hz} Hz: {errors:?}"
-            );
+            assert!(errors.iter().all(|db| *db < -84.0), "{rate_hz} Hz: {errors:?}");
         }
     }
 }
@@ -153,16 +139,7 @@ fn an_impulse_spreads_by_the_delay_to_both_sides_and_keeps_its_sum() {
 
 #[test]
 fn saturated_and_non_finite_samples_are_counted() {
-    let samples = [
-        f32::NAN,
-        1e6,
-        -1e6,
-        f32::INFINITY,
-        5.0,
-        f32::NAN,
-        187_500.0,
-        -187_500.0,
-    ];
+    let samples = [f32::NAN, 1e6, -1e6, f32::INFINITY, 5.0, f32::NAN, 187_500.0, -187_500.0];
     let mut file = GdfFile::float32(1, 8, &samples);
     file.duration = (8, 512);
     let (counts, counters) = play_cz(file.bytes());
@@ -187,12 +164,9 @@ fn the_largest_floats_saturate_without_a_panic() {
 
 #[test]
 fn voltage_units_are_converted_to_microvolts() {
-    for (code, unit, value) in [
-        (4256, "V", 1e-3),
-        (4274, "mV", 1.0),
-        (0, "uV", 1000.0),
-        (4276, "", 1e6),
-    ] {
+    for (code, unit, value) in
+        [(4256, "V", 1e-3), (4274, "mV", 1.0), (0, "uV", 1000.0), (4276, "", 1e6)]
+    {
         let mut file = GdfFile::float32(1, 512, &[value; 512]);
         (file.signals[0].unit_code, file.signals[0].unit) = (code, unit);
         let (counts, _) = play_cz(file.bytes());
@@ -235,10 +209,7 @@ fn a_rate_is_the_one_that_the_rounded_field_of_an_edf_header_means() {
         ("0.999980", 1024, 1024.02),
     ] {
         let signal = EdfSignal::int16("Cz", per_record, &vec![1000; 64 * per_record]);
-        let file = EdfFile {
-            duration,
-            ..EdfFile::edf("-1", vec![signal])
-        };
+        let file = EdfFile { duration, ..EdfFile::edf("-1", vec![signal]) };
         let recording = open(file.bytes()).expect("usable");
         let read_hz = recording.signals()[0].rate.expect("samples").value();
         assert!((read_hz / rate_hz - 1.0).abs() < 1e-6, "{read_hz} Hz");
@@ -266,11 +237,7 @@ fn a_rate_that_is_1000_times_as_high_is_refused_and_a_low_one_is_not() {
     assert_eq!(adc(510, (1, 1000)).expect("510 kHz").samples(), 0);
     // One sample every 116 days.
     let mut slow = adc(1, (10_000_000, 1)).expect("usable").without_dither();
-    assert!(
-        slow.by_ref()
-            .take(1000)
-            .all(|counts| counts.expect("readable")[0] == 45)
-    );
+    assert!(slow.by_ref().take(1000).all(|counts| counts.expect("readable")[0] == 45));
 }
 
 #[test]

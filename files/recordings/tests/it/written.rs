@@ -136,10 +136,7 @@ fn gdf_file(signals: usize) -> FileToWrite {
         is_integer: false,
         range: [-187_500.0, 187_500.0],
     };
-    FileToWrite {
-        signals: (0..signals).map(signal).collect(),
-        ..file(512, 32)
-    }
+    FileToWrite { signals: (0..signals).map(signal).collect(), ..file(512, 32) }
 }
 
 #[test]
@@ -152,17 +149,11 @@ fn values_rates_labels_and_events_are_read_back_unchanged() {
         writer.write_record(&rows.collect::<Vec<f32>>()).unwrap();
     }
     let events = [(0_u32, 1), (1, 0x8001), (159, 768)];
-    let bytes = writer
-        .finish(&events.map(|(row, kind)| (row.into(), kind)))
-        .unwrap()
-        .into_inner();
+    let bytes = writer.finish(&events.map(|(row, kind)| (row.into(), kind))).unwrap().into_inner();
     let mut recording = open(bytes).unwrap();
     assert_eq!(recording.format(), Format::Gdf2(2.2));
     // Only the signals without a unit cause a warning.
-    assert!(matches!(
-        recording.warnings(),
-        [Warning::UnitUnknown { .. }]
-    ));
+    assert!(matches!(recording.warnings(), [Warning::UnitUnknown { .. }]));
     assert_eq!(recording.records(), 5);
     assert_eq!(recording.labels()[1], "signal 1 with a");
     assert_eq!(recording.signals()[0].rate, Ratio::new(512, 1));

@@ -51,10 +51,7 @@ pub struct PortMemory {
 
 impl PortMemory {
     /// Buffers filled with zeros.
-    pub const EMPTY: Self = Self {
-        sending: [0; BUFFER],
-        received: [0; BUFFER],
-    };
+    pub const EMPTY: Self = Self { sending: [0; BUFFER], received: [0; BUFFER] };
 }
 
 /// Functions of a board's UART that differ from chip to chip.

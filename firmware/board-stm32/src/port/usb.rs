@@ -89,10 +89,7 @@ impl Port {
         #[expect(clippy::cast_possible_truncation, reason = "asserted")]
         let class = CdcAcmClass::new(&mut builder, state, PACKET as u16);
         let (sender, receiver) = class.split();
-        let port = firmware::Port {
-            input: Receiver(receiver),
-            output: Transmitter::new(sender),
-        };
+        let port = firmware::Port { input: Receiver(receiver), output: Transmitter::new(sender) };
         let conversation = firmware::converse(port, session, None, memory, &SHARED, machine);
         let mut device = builder.build();
         let run = async {

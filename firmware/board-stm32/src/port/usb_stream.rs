@@ -82,11 +82,7 @@ pub(crate) struct Transmitter<Port> {
 
 impl<Port: PacketSender> Transmitter<Port> {
     pub(crate) const fn new(port: Port) -> Self {
-        Self {
-            port,
-            last_was_full: false,
-            is_within_frame: false,
-        }
+        Self { port, last_was_full: false, is_within_frame: false }
     }
 
     async fn wait_open(&mut self) {

@@ -26,10 +26,7 @@ pub fn config(source: ClockSource) -> Config {
     let rcc = &mut config.rcc;
     // The PLL's input is 2 MHz: the 8 MHz at the HSE input divided by 4, or HSI's 16 MHz divided by
     // 8.
-    let hse = |mode| Hse {
-        freq: Hertz(8_000_000),
-        mode,
-    };
+    let hse = |mode| Hse { freq: Hertz(8_000_000), mode };
     rcc.hse = match source {
         ClockSource::Crystal => Some(hse(HseMode::Oscillator)),
         ClockSource::StLink => Some(hse(HseMode::Bypass)),

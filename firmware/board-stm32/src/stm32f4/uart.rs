@@ -39,8 +39,7 @@ pub fn acknowledge(uart: Usart) {
     }
     let is_flagged = status.idle() || status.fe() || status.ne();
     let waits_for_byte = is_flagged && is_moved && !status.ore();
-    uart.cr3()
-        .modify(|control| control.set_eie(!waits_for_byte));
+    uart.cr3().modify(|control| control.set_eie(!waits_for_byte));
     uart.cr1().modify(|control| {
         control.set_idleie(!waits_for_byte);
         control.set_rxneie(waits_for_byte);

@@ -57,10 +57,7 @@ fn write_run(
     let cue = |trial: usize| CUES[(trial + run) % CUES.len()];
     let annotations = (0..CUES.len()).map(|trial| {
         let row = (SETTLING_S * RATE + trial * PERIOD) as u64;
-        (
-            row..row + MOVEMENT as u64,
-            ["T1", "T2"][cue(trial)].to_owned(),
-        )
+        (row..row + MOVEMENT as u64, ["T1", "T2"][cue(trial)].to_owned())
     });
     let file = BufWriter::new(File::create(path)?);
     let annotations = annotations.collect();

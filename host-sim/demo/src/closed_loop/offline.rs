@@ -68,10 +68,7 @@ pub fn predictions(features: &[Features], classifier: &Classifier) -> Vec<Predic
             let prediction = decision.add_hop(hop.levels());
             prediction.is_settled.then(|| prediction.class())
         };
-        Prediction {
-            probabilities: decision.probabilities().to_vec(),
-            class,
-        }
+        Prediction { probabilities: decision.probabilities().to_vec(), class }
     });
     predictions.collect()
 }
@@ -94,10 +91,7 @@ impl Reference {
         if trials.is_empty() {
             let classes = classifier.decision.classes.iter();
             let classes: Vec<&str> = classes.map(|class| class.event.as_str()).collect();
-            return Err(unusable(&format!(
-                "it has no event {}",
-                classes.join(" or ")
-            )));
+            return Err(unusable(&format!("it has no event {}", classes.join(" or "))));
         }
         let mut failed = None;
         let samples = played.adc.map_while(|counts| {
@@ -107,10 +101,7 @@ impl Reference {
         let features = features(samples, mains, classifier);
         match failed {
             Some(error) => Err(unusable(&error)),
-            None => Ok(Self {
-                trials,
-                predictions: predictions(&features, classifier),
-            }),
+            None => Ok(Self { trials, predictions: predictions(&features, classifier) }),
         }
     }
 }
@@ -120,11 +111,7 @@ impl Reference {
 fn trials(played: &Played, classifier: &Classifier, mains: Mains) -> Vec<Trial> {
     let delay_s = filter_delay_s(mains);
     let [from_s, to_s] = classifier.training.trial_s;
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "saturates"
-    )]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
     let hops = |duration_s: f64| (duration_s / seconds(HOP)).round() as usize;
     let events = played.onsets.seconds.iter().zip(&played.onsets.labels);
     let trials = events.filter_map(|(&cue_s, label)| {

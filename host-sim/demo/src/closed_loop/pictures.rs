@@ -43,17 +43,10 @@ fn chart(outcome: &Outcome) -> Lines {
         let decisions = chosen.map(|received| (time_s(received.hop), DECISIONS));
         series.push(Series::new("", color, Mark::Dots, decisions.collect()));
         let points = outcome.received.iter();
-        let points = points.map(
-            |Received {
-                 hop, prediction, ..
-             }| { (time_s(*hop), prediction.probabilities[index].into()) },
-        );
-        series.push(Series::new(
-            &class.event,
-            color,
-            Mark::Line,
-            points.collect(),
-        ));
+        let points = points.map(|Received { hop, prediction, .. }| {
+            (time_s(*hop), prediction.probabilities[index].into())
+        });
+        series.push(Series::new(&class.event, color, Mark::Line, points.collect()));
         let own = outcome.trials.iter().filter(|trial| trial.class == index);
         cues.extend(own.map(|trial| {
             let ends = [0.0, to_s].map(|seconds| (trial.cue_s + seconds, CUES));

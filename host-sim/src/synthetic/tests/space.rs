@@ -12,10 +12,7 @@ const TEN_TWENTY: &str = "Fp1 Fp2 F7 F3 Fz F4 F8 T7 C3 Cz C4 T8 P7 P3 Pz P4 P8 O
 /// Returns the electrodes in [`MONTAGE`], whose grid is the text between triple quotation marks.
 fn montage() -> Vec<&'static str> {
     let grid = MONTAGE.split("\"\"\"").nth(1).expect("a grid");
-    let labels: Vec<&str> = grid
-        .split_whitespace()
-        .filter(|cell| *cell != "_")
-        .collect();
+    let labels: Vec<&str> = grid.split_whitespace().filter(|cell| *cell != "_").collect();
     assert_eq!(labels.len(), 61);
     labels
 }
@@ -23,13 +20,7 @@ fn montage() -> Vec<&'static str> {
 /// Generates 60 s of background at these electrodes, uV.
 fn background(labels: &[&str]) -> Vec<Vec<f64>> {
     let electrodes = labels.iter().map(|label| (*label).to_owned()).collect();
-    let mut traces = generate(
-        &SyntheticSpec {
-            electrodes,
-            ..quiet()
-        },
-        60,
-    );
+    let mut traces = generate(&SyntheticSpec { electrodes, ..quiet() }, 60);
     traces.truncate(labels.len());
     traces
 }
@@ -81,10 +72,7 @@ fn split(traces: &[Vec<f64>], samples: usize) -> [Vec<Vec<f64>>; 2] {
             })
             .collect()
     };
-    [
-        traces.iter().map(slow).collect(),
-        traces.iter().map(fast).collect(),
-    ]
+    [traces.iter().map(slow).collect(), traces.iter().map(fast).collect()]
 }
 
 #[test]
@@ -112,10 +100,7 @@ fn slow_activity_is_wider_than_fast_activity() {
     // The means over a quarter of a second contain 0-2 Hz, the rest of the signal 4 Hz and more.
     let [slow, fast] = split(&traces, 128).map(|part| 1.0 - shares(&part)[0]);
     // Variance outside of ten components, measured: slow part 0.0037, fast part 0.0091.
-    assert!(
-        slow < 0.5 * fast,
-        "outside of ten components: slow {slow}, fast {fast}"
-    );
+    assert!(slow < 0.5 * fast, "outside of ten components: slow {slow}, fast {fast}");
 }
 
 #[test]
@@ -144,10 +129,5 @@ fn amplitudes_are_as_specified() {
     // The limits are wide, because the RMS of 60 s of slow noise has an uncertainty of about 10 %.
     let rms = mean(&powers).sqrt();
     assert!((22.0..28.0).contains(&rms), "{rms} uV RMS, 25 by design");
-    assert!(
-        powers
-            .iter()
-            .all(|power| (15.0..35.0).contains(&power.sqrt())),
-        "{powers:?}"
-    );
+    assert!(powers.iter().all(|power| (15.0..35.0).contains(&power.sqrt())), "{powers:?}");
 }

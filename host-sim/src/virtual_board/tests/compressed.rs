@@ -14,11 +14,7 @@ fn decode(decoder: &mut lossless::Decoder<CHANNELS>, raw: &CompressedRaw) -> Vec
         BlockForm::Continuing => Kind::Continuing,
         BlockForm::Newer(form) => panic!("form {form}"),
     };
-    let block = Block {
-        kind,
-        samples: raw.samples.into(),
-        bytes: raw.bytes,
-    };
+    let block = Block { kind, samples: raw.samples.into(), bytes: raw.bytes };
     let counts = decoder.decode(raw.channels.into(), &block);
     counts.expect("a sound block").to_vec()
 }

@@ -4,19 +4,13 @@ use super::*;
 
 /// Returns a board that streams, has the impedances of `contacts`, and measures them if `measures`.
 fn started(streams: Streams, measures: bool, contacts: &[&str]) -> (VirtualBoard, Outbox) {
-    let contacts: Vec<Contact> = contacts
-        .iter()
-        .map(|text| text.parse().expect("a contact"))
-        .collect();
+    let contacts: Vec<Contact> =
+        contacts.iter().map(|text| text.parse().expect("a contact")).collect();
     let (board, outbox) = board();
     let mut board = board.with_contacts(&contacts);
     let mut host = Encoder::default();
     send(&mut board, &mut host, start(streams));
-    send(
-        &mut board,
-        &mut host,
-        ToDevice::SetImpedance { on: measures },
-    );
+    send(&mut board, &mut host, ToDevice::SetImpedance { on: measures });
     (board, outbox)
 }
 
@@ -58,10 +52,7 @@ fn known_impedances_are_reported_every_second_under_synthetic_eeg() {
             // The synthetic EEG itself has 0.4 uV in the 1 Hz around 128 Hz, like 75 ohms RMS
             // (measured).
             let limit = 0.02 * set + 300.0;
-            assert!(
-                (measured - set).abs() < limit,
-                "{label}: {measured} of {set}"
-            );
+            assert!((measured - set).abs() < limit, "{label}: {measured} of {set}");
         }
     }
     assert_eq!(board.stats().adc_status_bad, 0);
@@ -86,10 +77,7 @@ fn an_electrode_that_comes_off_is_open() {
     play(&mut board, 4);
     let cz = model::LABELS.split(' ').position(|label| label == "Cz");
     let cz = cz.expect("an electrode of the default model");
-    let found: Vec<bool> = reports(&outbox)
-        .iter()
-        .map(|ohms| ohms[cz].is_none())
-        .collect();
+    let found: Vec<bool> = reports(&outbox).iter().map(|ohms| ohms[cz].is_none()).collect();
     assert_eq!(found, [false, true, true]);
 }
 

@@ -10,11 +10,7 @@ use super::*;
 #[test]
 fn filtered_frames_are_the_steps_that_the_encoder_reads() {
     let (mut board, outbox) = board();
-    send(
-        &mut board,
-        &mut Encoder::default(),
-        start(Streams::FILTERED),
-    );
+    send(&mut board, &mut Encoder::default(), start(Streams::FILTERED));
     let mut acquisition = Acquisition::new(Mains::Hz50);
     let mut steps = Vec::new();
     let mut state = 1_u32;
@@ -113,13 +109,7 @@ fn trigger_edges_are_sent_before_the_samples_that_follow_them() {
     // the two runs are counted but not sent.
     stream(15_625 - 1);
     stream(1_002_000);
-    let event = |kind, number, sample| {
-        Ok(Event {
-            kind,
-            number,
-            sample,
-        })
-    };
+    let event = |kind, number, sample| Ok(Event { kind, number, sample });
     let (rise, fall) = (EventKind::TriggerRise, EventKind::TriggerFall);
     assert_eq!(
         seen,

@@ -140,10 +140,7 @@ impl AuditedWindow {
         // difference. Subtract this part, because it is no error of the packed code.
         let rounding = level_uv * level_uv / 12.0;
         let error = (squares / f64::max(values, 1.0) - rounding).max(0.0);
-        Some(PackedError {
-            rms_uv: error.sqrt(),
-            of_variance: error / model.sd_uv().powi(2),
-        })
+        Some(PackedError { rms_uv: error.sqrt(), of_variance: error / model.sd_uv().powi(2) })
     }
 
     /// Returns whether any cell has the smallest or largest int8 value, as after clipping.

@@ -124,10 +124,7 @@ impl PackedReconstruction {
         self.start_recording(block.is_first);
         let received = block.block.as_ref();
         let received = received.map(|block| (block.bytes.as_slice(), block.rate));
-        let label = Label {
-            stamp: block.stamp,
-            words: block.words,
-        };
+        let label = Label { stamp: block.stamp, words: block.words };
         let completed = self.overlap.next_hop(received, label);
         self.keep_newest();
         self.filled_frame(completed?)
@@ -144,10 +141,7 @@ impl PackedReconstruction {
         let completed = self.overlap.pass(PackedHop {
             microvolts: vec![0.0; self.frame.eeg.data.len()],
             source,
-            label: Label {
-                stamp: block.stamp,
-                words: block.words,
-            },
+            label: Label { stamp: block.stamp, words: block.words },
         });
         self.filled_frame(completed?)
     }

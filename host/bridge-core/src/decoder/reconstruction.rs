@@ -110,14 +110,9 @@ impl Reconstruction {
         let data = &mut self.frame.eeg.data;
         let mut words = window.words;
         words.flags &= !Flags::FILLER.bits();
-        let hop = self.overlap.next_hop(
-            Window {
-                index: words.window,
-                flags: words.flags,
-                values: decoded,
-            },
-            data,
-        );
+        let hop = self
+            .overlap
+            .next_hop(Window { index: words.window, flags: words.flags, values: decoded }, data);
         words.flags = hop.flags;
         if hop.source != Source::Missing && !hop.is_whole {
             words.flags |= Flags::HEALING.bits();

@@ -91,13 +91,8 @@ impl DecoderThread {
     pub fn start(sink: Box<dyn FrameSink>) -> std::io::Result<DecoderThread> {
         let (work, receiver) = channel();
         let progress = Arc::new(Progress::default());
-        let worker = Worker {
-            sink,
-            progress: Arc::clone(&progress),
-            codes: None,
-            packed: None,
-            number: 0,
-        };
+        let worker =
+            Worker { sink, progress: Arc::clone(&progress), codes: None, packed: None, number: 0 };
         let thread = std::thread::Builder::new()
             .name("decoder".to_owned())
             .spawn(move || worker.run(&receiver))?;
@@ -119,8 +114,7 @@ impl DecoderThread {
         packed: Option<PackedReconstruction>,
     ) {
         let packed = packed.map(Box::new);
-        self.prepared
-            .push(Work::Device(Box::new(reconstruction), packed));
+        self.prepared.push(Work::Device(Box::new(reconstruction), packed));
     }
 
     /// Queues a code without blocking. If the queue is full, the code is discarded and counted, and
@@ -356,9 +350,7 @@ impl Worker {
         self.number = packed.number();
         let malformed = packed.malformed() - before;
         let decoded = u64::from(block.block.is_some()) - malformed;
-        self.progress
-            .malformed
-            .fetch_add(malformed, Ordering::Relaxed);
+        self.progress.malformed.fetch_add(malformed, Ordering::Relaxed);
         self.progress.decoded.fetch_add(decoded, Ordering::Relaxed);
         published
     }

@@ -64,15 +64,8 @@ impl AuditCounts {
 
     /// Returns the status's level and message for a device that sends codes.
     fn state(&self, newest: &AuditResult) -> (DiagnosticLevel, String) {
-        let AuditResult {
-            window,
-            rms,
-            rms_limit,
-            largest,
-            largest_limit,
-            value,
-            at_rail,
-        } = *newest;
+        let AuditResult { window, rms, rms_limit, largest, largest_limit, value, at_rail } =
+            *newest;
         if newest.is_wrong() {
             let message = format!(
                 "the device's code differs from its model: window {window} by {rms:.2} levels RMS \
@@ -141,10 +134,7 @@ impl AuditCounts {
         if let Some(error) = self.packed_newest {
             let (rms_uv, of_variance) = (error.rms_uv, error.of_variance);
             let variance = format!("{of_variance:.5}");
-            values.push(KeyValue::new(
-                "packed: error uV RMS",
-                &format!("{rms_uv:.3}"),
-            ));
+            values.push(KeyValue::new("packed: error uV RMS", &format!("{rms_uv:.3}")));
             values.push(KeyValue::new("packed: error of the variance", &variance));
         }
         values
@@ -170,10 +160,7 @@ mod tests {
             assert!(message.contains("was not compared"), "{message}");
         }
         assert_eq!(state(None).0, DiagnosticLevel::Warn);
-        let error = PackedError {
-            rms_uv: 1.0,
-            of_variance: 0.001,
-        };
+        let error = PackedError { rms_uv: 1.0, of_variance: 0.001 };
         let (level, message) = state(Some(error));
         assert_eq!(level, DiagnosticLevel::Ok);
         assert!(message.contains("within 1.00 uV"), "{message}");

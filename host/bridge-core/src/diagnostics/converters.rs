@@ -68,13 +68,10 @@ impl ChainReport {
         self.reported.clone_from(&self.frames_bad);
         let off = self.electrodes_off(labels);
         let oscillator = oscillator_warning(self.drdy_millihertz, adc_rate_hz, drift_ppm);
-        let warnings = [
-            ("frames bad since the last report", frames),
-            ("electrodes off", off),
-        ]
-        .into_iter()
-        .filter(|(_, which)| !which.is_empty())
-        .map(|(what, which)| format!("{what}: {}", which.join(" ")));
+        let warnings = [("frames bad since the last report", frames), ("electrodes off", off)]
+            .into_iter()
+            .filter(|(_, which)| !which.is_empty())
+            .map(|(what, which)| format!("{what}: {}", which.join(" ")));
         let warnings: Vec<String> = warnings.chain(oscillator).collect();
         let state = if !self.fault.is_empty() {
             (DiagnosticLevel::Error, self.fault.clone())
@@ -160,10 +157,7 @@ mod tests {
         // The device's clock is 1 % slow, so it counts 1 % more edges in each of its seconds.
         assert_eq!(warning(517_120, Some(10_000.0)), None);
         let text = warning(500_000, Some(0.0)).expect("a warning");
-        assert!(
-            text.contains("500.000 Hz, -23438 ppm off the 512 Hz"),
-            "{text}"
-        );
+        assert!(text.contains("500.000 Hz, -23438 ppm off the 512 Hz"), "{text}");
         assert!(warning(512_000, Some(10_000.0)).is_some());
     }
 }

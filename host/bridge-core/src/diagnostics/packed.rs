@@ -39,11 +39,7 @@ pub(crate) struct PackedReport {
 impl PackedReport {
     /// Returns the number of blocks of `stream` that are missing since the last report.
     pub(crate) fn missing_since(&self, stream: &PackedStream) -> u64 {
-        stream
-            .timeline
-            .counts()
-            .missing()
-            .saturating_sub(self.missing)
+        stream.timeline.counts().missing().saturating_sub(self.missing)
     }
 
     /// Returns the status `packed code` at the host time `now_us`; `None` before the first block.
@@ -55,14 +51,7 @@ impl PackedReport {
     ) -> Option<DiagnosticStatus> {
         let rate = stream.rate?;
         let hops = stream.timeline.counts();
-        let PackedCounts {
-            bits,
-            resets,
-            misfits,
-            blanks,
-            coarser,
-            clipped,
-        } = stream.counts;
+        let PackedCounts { bits, resets, misfits, blanks, coarser, clipped } = stream.counts;
         let now = PackedReport {
             time_us: now_us,
             bits,

@@ -189,12 +189,7 @@ impl DrdyReport {
 }
 
 fn chip_report((chip, test): (usize, &ChipTest)) -> ChipReport {
-    let ChipTest {
-        id,
-        registers_wrong,
-        first_wrong,
-        frames_bad,
-    } = *test;
+    let ChipTest { id, registers_wrong, first_wrong, frames_bad } = *test;
     let name = || match Register::at(first_wrong) {
         Some(register) => format!("{register} (0x{first_wrong:02X})"),
         None => format!("0x{first_wrong:02X}"),
@@ -290,18 +285,8 @@ impl fmt::Display for SelfTestReport {
 
 impl fmt::Display for DeviceSummary {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let DeviceSummary {
-            board,
-            firmware,
-            model: _,
-            uid,
-            reset_cause,
-            fault,
-        } = self;
-        write!(
-            formatter,
-            "{board}, firmware {firmware}, uid {uid}, started by {reset_cause}"
-        )?;
+        let DeviceSummary { board, firmware, model: _, uid, reset_cause, fault } = self;
+        write!(formatter, "{board}, firmware {firmware}, uid {uid}, started by {reset_cause}")?;
         if fault.is_empty() {
             return Ok(());
         }
@@ -311,13 +296,7 @@ impl fmt::Display for DeviceSummary {
 
 impl fmt::Display for DrdyReport {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let DrdyReport {
-            rate_hz,
-            expected_hz,
-            ppm,
-            early,
-            missed,
-        } = self;
+        let DrdyReport { rate_hz, expected_hz, ppm, early, missed } = self;
         match (rate_hz, ppm) {
             (Some(rate_hz), Some(ppm)) => write!(
                 formatter,
@@ -383,13 +362,11 @@ pub fn write_columns<const N: usize>(
     for row in &table {
         let cells = row.iter().zip(widths).zip(right);
         let cells: Vec<String> = cells
-            .map(|((cell, width), right)| {
-                if right {
-                    format!("{cell:>width$}")
-                } else {
-                    format!("{cell:<width$}")
-                }
-            })
+            .map(
+                |((cell, width), right)| {
+                    if right { format!("{cell:>width$}") } else { format!("{cell:<width$}") }
+                },
+            )
             .collect();
         writeln!(formatter, "{}", cells.join("  ").trim_end())?;
     }

@@ -24,10 +24,7 @@ pub(crate) fn electrode_faults(session: &Session) -> Option<String> {
 /// statuses of packed blocks and converters once the device has sent messages about them. The
 /// statuses of electrodes and deadlines are included only if new messages about them have arrived.
 pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) -> DiagnosticArray {
-    let header = Header {
-        stamp: Stamp::from_nanoseconds(now.wall_ns),
-        ..Header::default()
-    };
+    let header = Header { stamp: Stamp::from_nanoseconds(now.wall_ns), ..Header::default() };
     let hardware = session.codes.as_ref().map_or_else(String::new, |codes| {
         let device = codes.device();
         format!("{} {}", device.board, device.uid)
@@ -95,10 +92,9 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
         }
         (Some(objection), _) if usable => (DiagnosticLevel::Warn, objection.clone()),
         (Some(objection), _) => (DiagnosticLevel::Error, objection.clone()),
-        (None, true) if let Some(percent) = session.commands.upload_percent() => (
-            DiagnosticLevel::Ok,
-            format!("receiving its packed model: {percent} %"),
-        ),
+        (None, true) if let Some(percent) = session.commands.upload_percent() => {
+            (DiagnosticLevel::Ok, format!("receiving its packed model: {percent} %"))
+        }
         (None, true) if session.commands.is_starved(now.monotonic_us) => (
             DiagnosticLevel::Warn,
             "the device should stream and sends no codes and no packed blocks; it is asked again"
@@ -110,26 +106,14 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
     let mut values = vec![
         KeyValue::new("connections", &session.counts.connections),
         KeyValue::new("resets", &session.counts.resets),
-        KeyValue::new(
-            "codes, blocks and features unused",
-            &session.counts.hops_unused,
-        ),
+        KeyValue::new("codes, blocks and features unused", &session.counts.hops_unused),
         KeyValue::new("other messages unused", &session.side.unused),
-        KeyValue::new(
-            "audits of another model or size",
-            &session.side.audits_unusable,
-        ),
-        KeyValue::new(
-            "streams asked for",
-            &StreamKind::names(session.commands.streams()),
-        ),
+        KeyValue::new("audits of another model or size", &session.side.audits_unusable),
+        KeyValue::new("streams asked for", &StreamKind::names(session.commands.streams())),
     ];
     if let Some(identity) = &session.identity {
         let hello = identity.as_hello();
-        values.push(KeyValue::new(
-            "session",
-            &format_args!("{:08x}", hello.session_id),
-        ));
+        values.push(KeyValue::new("session", &format_args!("{:08x}", hello.session_id)));
         values.push(KeyValue::new("fault", &hello.fault));
     }
     if let Some(codes) = &session.codes {
@@ -206,15 +190,11 @@ fn streaming_state(session: &Session) -> (DiagnosticLevel, String) {
 fn loss_status(session: &mut Session) -> DiagnosticStatus {
     let codes = session.codes.as_ref();
     let counts = codes.map(|codes| codes.counts).unwrap_or_default();
-    let hops = codes
-        .map(|codes| codes.timeline.counts().clone())
-        .unwrap_or_default();
+    let hops = codes.map(|codes| codes.timeline.counts().clone()).unwrap_or_default();
     let ledger = &hops.ledger;
     // The count can fall: a restart subtracts a gap before a run that only an event has shown,
     // because the next run counts this gap again.
-    let since = hops
-        .missing()
-        .saturating_sub(session.counts.missing_reported);
+    let since = hops.missing().saturating_sub(session.counts.missing_reported);
     session.counts.missing_reported = hops.missing();
     let mut losses = vec![(since, "codes")];
     if let Some(packed) = &session.packed {
@@ -222,10 +202,9 @@ fn loss_status(session: &mut Session) -> DiagnosticStatus {
         losses.push((report.missing_since(packed), "packed blocks"));
     }
     let mut side_values = Vec::new();
-    for (stream, name) in [
-        (&mut session.side.raw, "raw samples"),
-        (&mut session.side.filtered, "filtered steps"),
-    ] {
+    for (stream, name) in
+        [(&mut session.side.raw, "raw samples"), (&mut session.side.filtered, "filtered steps")]
+    {
         if let Some(stream) = stream {
             losses.push((stream.missing_since_report(), name));
             side_values.extend(sample_values(&stream.counts, name));
@@ -279,14 +258,7 @@ fn loss_status(session: &mut Session) -> DiagnosticStatus {
 }
 
 fn sample_values(counts: &SampleCounts, name: &str) -> [KeyValue; 5] {
-    let SampleCounts {
-        received,
-        lost,
-        between_runs,
-        unpublished,
-        malformed,
-        reported: _,
-    } = counts;
+    let SampleCounts { received, lost, between_runs, unpublished, malformed, reported: _ } = counts;
     [
         ("received", received),
         ("lost", lost),
@@ -361,10 +333,7 @@ fn clock_status(session: &Session, now: HostTime) -> DiagnosticStatus {
     let mut values = vec![
         KeyValue::new("drift ppm", &format!("{drift_ppm:+.2}")),
         KeyValue::new("residual us", &format!("{:.0}", clock.residual_us())),
-        KeyValue::new(
-            "newest delay us",
-            &format!("{:.0}", clock.newest_delay_us()),
-        ),
+        KeyValue::new("newest delay us", &format!("{:.0}", clock.newest_delay_us())),
         KeyValue::new("host clock steps", &clock.wall_steps()),
         KeyValue::new("impossible device times", &clock.refused()),
         KeyValue::new("stamps held", &moved),
@@ -373,10 +342,7 @@ fn clock_status(session: &Session, now: HostTime) -> DiagnosticStatus {
     if let Some(trip) = session.round_trips.shortest(now) {
         let (transit_us, half) = (trip.transit_us, trip.transit_us / 2.0);
         values.push(KeyValue::new("round trip us", &format!("{transit_us:.0}")));
-        values.push(KeyValue::new(
-            "offset known to +- us",
-            &format!("{half:.0}"),
-        ));
+        values.push(KeyValue::new("offset known to +- us", &format!("{half:.0}")));
         let [least, most] = trip.late_us.map(|us| us.max(0.0));
         let late = format!("{least:.0} to {most:.0}");
         values.push(KeyValue::new("stamps late by us", &late));

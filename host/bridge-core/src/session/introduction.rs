@@ -164,11 +164,7 @@ impl Session {
         self.set_classifying(&device);
         self.set_decoding(decoding, effects);
         self.is_described_asked = self.asks_for_described();
-        effects.announce(&Announcement {
-            info,
-            device,
-            decodable,
-        });
+        effects.announce(&Announcement { info, device, decodable });
     }
 
     /// Creates the stream of features if there is a classifier and it fits this device.
@@ -229,11 +225,7 @@ impl Session {
         self.set_decoding(decoding, effects);
         self.is_described_asked = is_described_asked;
         match self.acquisition_info(&device, decoding) {
-            Ok(info) => effects.announce(&Announcement {
-                info,
-                device,
-                decodable,
-            }),
+            Ok(info) => effects.announce(&Announcement { info, device, decodable }),
             Err(error) => {
                 let why = format!("{error}; its codes are not published");
                 self.refuse(why, read, effects);
@@ -281,9 +273,7 @@ impl Session {
         device: &Device,
         decoding: Decoding,
     ) -> Result<Option<AcquisitionInfo>, ContractError> {
-        let Device {
-            board, firmware, ..
-        } = device;
+        let Device { board, firmware, .. } = device;
         let model = format!("{board} {firmware}, model {}", ModelId(device.model_id));
         let encoded = device.encoded_frame();
         if device.has_network() {
@@ -313,10 +303,7 @@ impl Session {
         if self.announced.is_some() {
             let event = BusEvent::DeviceRefused(why.clone());
             let row = self.next_row(None).map(|next| next.index);
-            let place = EventPlace {
-                row,
-                device_us: None,
-            };
+            let place = EventPlace { row, device_us: None };
             let wall_ns = self.frame_wall_ns(read, effects);
             self.side.bus.publish(&event, wall_ns, place, effects);
         }

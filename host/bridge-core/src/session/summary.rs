@@ -128,25 +128,9 @@ impl Summary {
 
 impl fmt::Display for Summary {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Summary {
-            made,
-            received,
-            lost,
-            bursts,
-            longest_burst,
-            fillers,
-            between_runs,
-            ..
-        } = self;
-        let Summary {
-            frames_lost,
-            wire,
-            connections,
-            resets,
-            unused,
-            drift_ppm,
-            ..
-        } = self;
+        let Summary { made, received, lost, bursts, longest_burst, fillers, between_runs, .. } =
+            self;
+        let Summary { frames_lost, wire, connections, resets, unused, drift_ppm, .. } = self;
         write!(
             formatter,
             "codes: made {made} received {received} lost {lost} (bursts {bursts}, longest \
@@ -163,25 +147,14 @@ impl fmt::Display for Summary {
             wire.resyncs
         )?;
         if self.packed.made > 0 {
-            let PackedSummary {
-                made,
-                received,
-                lost,
-                fillers,
-                between_runs,
-                bits,
-            } = self.packed;
+            let PackedSummary { made, received, lost, fillers, between_runs, bits } = self.packed;
             write!(
                 formatter,
                 "; packed blocks: made {made} received {received} lost {lost} fillers {fillers} bits {bits} \
                  missing between runs {between_runs}"
             )?;
         }
-        let PredictionSummary {
-            published,
-            repeated,
-            lost,
-        } = self.predictions;
+        let PredictionSummary { published, repeated, lost } = self.predictions;
         if published > 0 {
             write!(
                 formatter,

@@ -99,8 +99,7 @@ impl CodeStream {
         let (rows, last) = (device.hop_steps.into(), u32::from(device.window_steps) - 1);
         let low_latency = self.timeline.settings.low_latency;
         let first = last - Reconstruction::lookback_steps(device, low_latency);
-        self.timeline
-            .next_row([published, rows], [first, last], run_us)
+        self.timeline.next_row([published, rows], [first, last], run_us)
     }
 
     /// Publishes a code, after fillers for the codes lost before it. The device made the code at
@@ -189,9 +188,7 @@ impl CodeStream {
         if place.is_made {
             self.follows_other = false;
         }
-        let HopTimeline {
-            device, settings, ..
-        } = &self.timeline;
+        let HopTimeline { device, settings, .. } = &self.timeline;
         if self.timeline.decoding.decodes(DecodedStream::Codes) && !self.follows_other {
             let lookback = Reconstruction::lookback_steps(device, settings.low_latency);
             let steps = [lookback, u32::from(device.hop_steps)];

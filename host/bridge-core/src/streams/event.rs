@@ -48,10 +48,7 @@ impl EventStream {
         let Arrival::New { lost } = self.ledger.record(event.number) else {
             return None;
         };
-        let place = EventPlace {
-            row,
-            device_us: reception.device_us,
-        };
+        let place = EventPlace { row, device_us: reception.device_us };
         let device_us = reception.device_us.map(i128::from);
         let time = device_us.and_then(|us| reception.clock.wall_ns(us));
         let wall_ns = time.unwrap_or(reception.read.wall_ns);
@@ -214,11 +211,7 @@ pub(crate) struct EventBus {
 
 impl EventBus {
     pub(crate) fn new(enabled: bool) -> EventBus {
-        EventBus {
-            message: NeuroEvent::on_bus(),
-            enabled,
-            shift_us: 0,
-        }
+        EventBus { message: NeuroEvent::on_bus(), enabled, shift_us: 0 }
     }
 
     pub(crate) fn set_shift(&mut self, shift_us: i64) {
@@ -264,10 +257,7 @@ mod tests {
         let mut trigger = Trigger::default();
         trigger.record_edge(10, 1);
         trigger.record_edge(20, 0);
-        assert_eq!(
-            [9, 10, 19, 20].map(|sample| trigger.level_at(sample)),
-            [0, 1, 1, 0]
-        );
+        assert_eq!([9, 10, 19, 20].map(|sample| trigger.level_at(sample)), [0, 1, 1, 0]);
     }
 
     #[test]

@@ -60,10 +60,7 @@ impl FeatureStream {
         classifier: Arc<Classifier>,
         settings: Settings,
     ) -> FeatureStream {
-        let decoding = Decoding {
-            stream: DecodedStream::Codes,
-            is_possible: false,
-        };
+        let decoding = Decoding { stream: DecodedStream::Codes, is_possible: false };
         FeatureStream {
             timeline: HopTimeline::new("features", device, decoding, settings),
             used: classifier.used_electrodes(),
@@ -204,9 +201,7 @@ impl FeatureStream {
         self.published += 1;
         self.timeline.record(place, reception);
         let hop = u32::from(self.timeline.device.hop_steps);
-        let time = self
-            .timeline
-            .frame_time_ns(place, [hop - 1, hop], reception);
+        let time = self.timeline.frame_time_ns(place, [hop - 1, hop], reception);
         let steps_back = reception.clock.wall_steps_back();
         let end = (u64::from(place.index) + 1) * u64::from(hop);
         let last_sample = self.timeline.device.sample_of_step(end - 1);
@@ -215,9 +210,7 @@ impl FeatureStream {
         output.header.stamp = self.stamps.next(time, steps_back);
         output.neuroheader.seq = output.neuroheader.seq.wrapping_add(1);
         output.header.seq = output.neuroheader.seq;
-        let set = Flags::NAMES
-            .iter()
-            .filter(|(flag, _)| flags.contains(*flag));
+        let set = Flags::NAMES.iter().filter(|(flag, _)| flags.contains(*flag));
         let names: Vec<&str> = set.map(|(_, name)| *name).collect();
         output.header.frame_id = names.join(" ");
         let probabilities = self.decision.probabilities();
@@ -243,10 +236,7 @@ fn output(classifier: &Classifier) -> NeuroOutput {
     };
     let info = info.with_labels(classes.iter().map(|class| class.event.clone()).collect());
     NeuroOutput {
-        softpredict: NeuroDataFloat {
-            data: vec![0.0; classes.len()],
-            info: info.clone(),
-        },
+        softpredict: NeuroDataFloat { data: vec![0.0; classes.len()], info: info.clone() },
         hardpredict: NeuroDataInt32 {
             data: vec![0; classes.len()],
             info: NeuroDataInfo { isint: 1, ..info },

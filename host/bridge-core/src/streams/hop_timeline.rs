@@ -114,8 +114,7 @@ impl HopTimeline {
     /// the item that completes this frame, microseconds.
     fn lookback_us(&self) -> i64 {
         let (settings, decoded) = (&self.settings, self.decoding.stream);
-        self.device
-            .frame_lookback_us(settings.announced, decoded, settings)
+        self.device.frame_lookback_us(settings.announced, decoded, settings)
     }
 
     /// Returns the time for a frame's stamp, nanoseconds since 1970. The frame has `length` steps
@@ -199,10 +198,7 @@ impl HopTimeline {
         let host_us = device_us.and_then(|us| reception.clock.host_us(us.into()));
         let device_us = device_us.unwrap_or_else(|| self.time_of_next(lost, 0));
         self.record_start(device_us, lost);
-        let gap = Gap {
-            lost,
-            between_runs: self.missing_between_runs(host_us, lost, reception),
-        };
+        let gap = Gap { lost, between_runs: self.missing_between_runs(host_us, lost, reception) };
         let fillers = self.fillers(index, gap, device_us, max_fillers);
         self.running = true;
         self.last_device_us = Some(device_us);
@@ -233,10 +229,7 @@ impl HopTimeline {
         let next_us = self.time_of_next(lost, reception.device_us.unwrap_or_default());
         self.record_start(next_us, lost);
         let host_us = reception.clock.host_us(next_us.into());
-        let gap = Gap {
-            lost,
-            between_runs: self.missing_between_runs(host_us, lost, reception),
-        };
+        let gap = Gap { lost, between_runs: self.missing_between_runs(host_us, lost, reception) };
         let fillers = self.fillers(next, gap, next_us, max_fillers);
         self.last_device_us = Some(next_us.saturating_add_signed(-self.hop_us()));
         fillers
@@ -337,10 +330,7 @@ impl HopTimeline {
             "{items} missing"
         );
         let hop_us = i128::from(self.hop_us());
-        #[expect(
-            clippy::cast_precision_loss,
-            reason = "68 minutes are exact to the millisecond"
-        )]
+        #[expect(clippy::cast_precision_loss, reason = "68 minutes are exact to the millisecond")]
         let seconds = (hop_us * i128::from(missing)) as f32 / 1e6;
         let first_us = i128::from(device_us) - hop_us * i128::from(missing);
         self.missing = Some(MissingStretch {
@@ -380,10 +370,7 @@ impl HopTimeline {
         #[expect(clippy::cast_possible_truncation, reason = "indices wrap")]
         let between_runs = between_runs as u32;
         self.last_index = self.last_index.wrapping_add(between_runs);
-        tracing::error!(
-            unfilled,
-            "the outage was too long to fill; start a new recording"
-        );
+        tracing::error!(unfilled, "the outage was too long to fill; start a new recording");
     }
 }
 
@@ -489,11 +476,7 @@ mod tests {
             // The next run begins 2.4 periods later; the 1 that is added is its first item.
             now_us += 2.4 * 62_500.0;
             items += continuity.missing_before(now_us, 62_500.0) + 1;
-            assert_eq!(
-                continuity.missing_before(now_us, 62_500.0),
-                0,
-                "asked twice"
-            );
+            assert_eq!(continuity.missing_before(now_us, 62_500.0), 0, "asked twice");
             continuity.record(now_us, None);
         }
         assert_eq!(items, 2400);

@@ -62,8 +62,7 @@ impl PackedStream {
     /// still wait to be corrected by the next block.
     pub(crate) fn next_row(&mut self, published: u64, run_us: Option<f64>) -> NextRow {
         let hop = self.timeline.device.hop_steps;
-        self.timeline
-            .next_row([published, hop.into()], [0, u32::from(hop) - 1], run_us)
+        self.timeline.next_row([published, hop.into()], [0, u32::from(hop) - 1], run_us)
     }
 
     /// Passes a block to the decoder, after placeholders for the blocks lost before it. The device
@@ -86,10 +85,7 @@ impl PackedStream {
             self.pass_on(place, Flags::FILLER, None, reception, effects);
         }
         self.count(code);
-        let block = PackedBytes {
-            bytes: code.bytes.to_vec(),
-            rate: code.rate,
-        };
+        let block = PackedBytes { bytes: code.bytes.to_vec(), rate: code.rate };
         self.pass_on(place, code.flags, Some(block), reception, effects);
     }
 

@@ -225,11 +225,7 @@ impl SampleStream {
         let Some(next) = start.checked_add(end) else {
             return self.reject("their index is impossible");
         };
-        let timeline = SampleTimeline {
-            index: next - 1,
-            us,
-            rate_hz: self.frame.sr,
-        };
+        let timeline = SampleTimeline { index: next - 1, us, rate_hz: self.frame.sr };
         let mut batch = Batch {
             timeline,
             run_start: start,
@@ -295,10 +291,7 @@ impl SampleStream {
         }
         tracing::debug!(missing, before = first, "samples missing");
         let lost = missing.min(first - batch.run_start);
-        #[expect(
-            clippy::cast_precision_loss,
-            reason = "minutes are exact to the millisecond"
-        )]
+        #[expect(clippy::cast_precision_loss, reason = "minutes are exact to the millisecond")]
         let seconds = missing as f32 / f32::from(self.frame.sr.max(1));
         self.missing = Some(MissingStretch {
             start_us: batch.timeline.device_us_at(self.next) - i128::from(self.delay_us),
@@ -355,18 +348,16 @@ impl SampleStream {
         frame.eeg.data[row(eeg.len())].copy_from_slice(eeg);
         frame.exg.data[row(exg.len())].copy_from_slice(exg);
         let frames = self.next / self.nsamples as u64;
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "wraps, like window indices"
-        )]
+        #[expect(clippy::cast_possible_truncation, reason = "wraps, like window indices")]
         let words = TriWords {
             flags: flags.bits(),
             window: frames as u32,
             device_time_us: u64::try_from(us).unwrap_or(0),
             lost: self.counts.missing(),
-            trigger: batch.reception.trigger.level_at((batch.trigger_sample)(
-                self.next.saturating_sub(batch.run_start),
-            )),
+            trigger: batch
+                .reception
+                .trigger
+                .level_at((batch.trigger_sample)(self.next.saturating_sub(batch.run_start))),
         };
         frame.tri.data[row(8)].copy_from_slice(&words.words());
         self.next += 1;
@@ -457,11 +448,7 @@ impl CompressedSamples {
                 return Err(Refusal::Form(form));
             }
         };
-        let block = Block {
-            kind,
-            samples: message.samples.into(),
-            bytes: message.bytes,
-        };
+        let block = Block { kind, samples: message.samples.into(), bytes: message.bytes };
         let samples = u64::from(message.samples);
         self.next = message.first_sample.wrapping_add(samples);
         match decoder.decode(message.channels.into(), &block) {

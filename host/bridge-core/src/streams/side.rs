@@ -121,11 +121,8 @@ impl SideStreams {
         let microvolt = |count| (f64::from(count) * device.uv_per_count) as f32;
         self.microvolts.clear();
         self.microvolts.extend(raw.counts().map(microvolt));
-        let samples = Samples {
-            first: raw.first_sample,
-            flags: raw.flags,
-            microvolts: &self.microvolts,
-        };
+        let samples =
+            Samples { first: raw.first_sample, flags: raw.flags, microvolts: &self.microvolts };
         let publish = &mut |frame: &NeuroFrame| effects.publish_raw(frame);
         stream.receive(samples, |sample| sample, at, publish);
     }

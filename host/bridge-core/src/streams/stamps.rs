@@ -104,11 +104,7 @@ pub(crate) enum DecodedStream {
 impl DecodedStream {
     /// Returns which stream is decoded if the bridge asks the device for the streams `asked`.
     pub(crate) fn of(asked: Streams) -> DecodedStream {
-        if asked.contains(Streams::PACKED) {
-            DecodedStream::Packed
-        } else {
-            DecodedStream::Codes
-        }
+        if asked.contains(Streams::PACKED) { DecodedStream::Packed } else { DecodedStream::Codes }
     }
 }
 

@@ -181,10 +181,7 @@ impl Clock {
         let stepped_back = off < -WALL_STEP_NS;
         if off > WALL_STEP_NS || (stepped_back && !wall.catching_up) {
             self.wall_steps = self.wall_steps.wrapping_add(1);
-            tracing::warn!(
-                milliseconds = off / 1_000_000,
-                "the host's clock was stepped"
-            );
+            tracing::warn!(milliseconds = off / 1_000_000, "the host's clock was stepped");
         }
         wall.catching_up = stepped_back && off >= -WALL_WAIT_NS;
         if !(-WALL_WAIT_NS..=WALL_STEP_NS).contains(&off) {
@@ -192,15 +189,8 @@ impl Clock {
             wall.offset_ns = observed;
             return;
         }
-        let speed = if stepped_back {
-            WALL_CATCH_UP
-        } else {
-            WALL_SLEW
-        };
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "at most a tenth of the time elapsed"
-        )]
+        let speed = if stepped_back { WALL_CATCH_UP } else { WALL_SLEW };
+        #[expect(clippy::cast_possible_truncation, reason = "at most a tenth of the time elapsed")]
         let most = (to_f64(elapsed_us) * 1000.0 * speed) as i64;
         wall.offset_ns += off.clamp(-most, most);
     }
@@ -220,10 +210,7 @@ impl Clock {
     /// microseconds; `None` before the first observation.
     pub fn host_us(&self, device_us: i128) -> Option<f64> {
         let (device_origin, host_origin) = self.origin?;
-        #[expect(
-            clippy::cast_precision_loss,
-            reason = "within 2^53 us (285 years) of the origin"
-        )]
+        #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years) of the origin")]
         let device = (device_us - i128::from(device_origin)) as f64;
         Some(to_f64(host_origin) + self.fit.line().host_us(device))
     }
@@ -233,10 +220,7 @@ impl Clock {
     pub fn wall_ns(&self, device_us: i128) -> Option<i64> {
         let (device_origin, host_origin) = self.origin?;
         let wall = self.wall?;
-        #[expect(
-            clippy::cast_precision_loss,
-            reason = "within 2^53 us (285 years) of the origin"
-        )]
+        #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years) of the origin")]
         let device = (device_us - i128::from(device_origin)) as f64;
         let host_us = self.fit.line().host_us(device);
         #[expect(clippy::cast_possible_truncation, reason = "saturates, and years fit")]
@@ -255,9 +239,7 @@ impl Clock {
 
     /// Returns the time on the smoothed wall clock at the host time `read`, nanoseconds since 1970.
     pub fn wall_of_host_ns(&self, read: HostTime) -> i64 {
-        let offset_ns = self
-            .wall
-            .map_or(read.wall_offset_ns(), |wall| wall.offset_ns);
+        let offset_ns = self.wall.map_or(read.wall_offset_ns(), |wall| wall.offset_ns);
         let host_ns = read.monotonic_us.saturating_mul(1000);
         host_ns.saturating_add(offset_ns)
     }

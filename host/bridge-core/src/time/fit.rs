@@ -97,10 +97,7 @@ pub(crate) struct Fit {
 impl Fit {
     /// Creates a fit without points. Its line has the drift `drift` until there are enough points.
     pub(crate) fn expecting(drift: f64) -> Fit {
-        Fit {
-            line: Line { drift, offset: 0.0 },
-            ..Fit::default()
-        }
+        Fit { line: Line { drift, offset: 0.0 }, ..Fit::default() }
     }
 
     pub(crate) fn line(&self) -> Line {
@@ -176,9 +173,7 @@ impl Fit {
     fn fit(&mut self, newest: Point) {
         let mut line = self.line_of(BLOCKS);
         // Compare lines at the last block but one: the newest point can still be part of a backlog.
-        let at_us = self.blocks[self.blocks.len().saturating_sub(2)]
-            .point
-            .device;
+        let at_us = self.blocks[self.blocks.len().saturating_sub(2)].point.device;
         let spread_us = self.spread_us(line);
         let allowance_us = LEAST_ALLOWANCE_US + spread_us * spread_us / SPREAD_US;
         for span_us in SHORTER_US {
@@ -206,11 +201,7 @@ impl Fit {
     /// frame is a block of its own.
     fn blocks_in(&self, span_us: f64) -> usize {
         let blocks = span_us / self.block_us;
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "saturates"
-        )]
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
         let blocks = blocks.round() as usize;
         blocks.clamp(1, self.blocks.len())
     }
@@ -229,10 +220,7 @@ impl Fit {
         let drift = drift.clamp(-MAX_DRIFT, MAX_DRIFT);
         let through_origin = Line { drift, offset: 0.0 };
         let lags = self.lags(first, through_origin).into_iter();
-        Line {
-            drift,
-            offset: lags.fold(f64::INFINITY, f64::min),
-        }
+        Line { drift, offset: lags.fold(f64::INFINITY, f64::min) }
     }
 
     /// Returns the spread of the least delays, microseconds: the upper quartile of the differences
@@ -272,13 +260,9 @@ fn slope_at(middle: f64, points: impl Iterator<Item = Point>, hull: &mut Vec<Poi
         }
         hull.push(point);
     }
-    let mut edges = hull
-        .windows(2)
-        .filter(|edge| edge[1].device > edge[0].device);
+    let mut edges = hull.windows(2).filter(|edge| edge[1].device > edge[0].device);
     let edge = edges.find(|edge| edge[1].device >= middle);
-    edge.map_or(1.0, |edge| {
-        (edge[1].host - edge[0].host) / (edge[1].device - edge[0].device)
-    })
+    edge.map_or(1.0, |edge| (edge[1].host - edge[0].host) / (edge[1].device - edge[0].device))
 }
 
 #[cfg(test)]
@@ -301,14 +285,7 @@ mod tests {
             let points = points.iter().map(|&(device, host)| Point { device, host });
             slope_at(middle, points, &mut Vec::new())
         };
-        let above = [
-            (0.0, 0.0),
-            (1.0, 9.0),
-            (2.0, 4.0),
-            (3.0, 3.9),
-            (4.0, 8.0),
-            (5.0, 9.0),
-        ];
+        let above = [(0.0, 0.0), (1.0, 9.0), (2.0, 4.0), (3.0, 3.9), (4.0, 8.0), (5.0, 9.0)];
         let bent = [(0.0, 0.0), (1.0, 1.0), (2.0, 3.0), (3.0, 5.0), (4.0, 7.0)];
         let found = [
             slope(3.0, &above),

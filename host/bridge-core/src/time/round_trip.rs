@@ -77,9 +77,7 @@ impl RoundTrips {
         clock: &mut Clock,
     ) {
         let matches_query = |sent: &i64| u64::try_from(*sent) == Ok(reading.host_time_us);
-        let answer = sent_us
-            .filter(matches_query)
-            .zip(made_us.checked_sub(reading.received_us));
+        let answer = sent_us.filter(matches_query).zip(made_us.checked_sub(reading.received_us));
         let transit_us = answer.map(|(sent_us, inside_us)| {
             #[expect(clippy::cast_precision_loss, reason = "seconds, in microseconds")]
             let us = (i128::from(read.monotonic_us) - i128::from(sent_us) - i128::from(inside_us))
@@ -98,11 +96,7 @@ impl RoundTrips {
             }
             return;
         };
-        self.recent.push_back(RoundTrip {
-            read,
-            transit_us,
-            late_us: [-least, -most],
-        });
+        self.recent.push_back(RoundTrip { read, transit_us, late_us: [-least, -most] });
         let old = |trip: &RoundTrip| trip.read.monotonic_us < read.monotonic_us - RETENTION_US;
         while self.recent.front().is_some_and(old) {
             self.recent.pop_front();

@@ -221,19 +221,14 @@ impl Commands {
 
     /// Returns the device's answer to the wanted rate; `None` until it has answered.
     pub(crate) fn rate_answer(&self) -> Option<AckResult> {
-        let (_, result) = self
-            .answered_rate
-            .filter(|(rate, _)| Some(*rate) == self.rate)?;
+        let (_, result) = self.answered_rate.filter(|(rate, _)| Some(*rate) == self.rate)?;
         Some(result)
     }
 
     /// Sets the filters of the features; [`Self::next_command`] then returns the command.
     pub(crate) fn set_filters(&mut self, filters: FeatureFilters<'_>) {
         self.filter_weights = filters.weights.to_vec();
-        self.filters = Some(FeatureFilters {
-            weights: &[],
-            ..filters
-        });
+        self.filters = Some(FeatureFilters { weights: &[], ..filters });
         self.answered_filters = None;
     }
 
@@ -314,11 +309,7 @@ impl Commands {
 
     /// Records that the device has introduced itself. `usable`: its codes can be published.
     pub(crate) fn device_introduced(&mut self, usable: bool) {
-        self.device = if usable {
-            Introduction::Usable
-        } else {
-            Introduction::Unusable
-        };
+        self.device = if usable { Introduction::Usable } else { Introduction::Unusable };
     }
 
     /// Asks for clock queries before the next `Start`, which continues a recording.
@@ -376,9 +367,7 @@ impl Commands {
     /// Returns whether the device should be streaming, but has sent neither codes, packed blocks,
     /// features nor a `Stats` with a running stream for 2 s.
     pub(crate) fn is_starved(&self, now_us: i64) -> bool {
-        let last_stream_us = self
-            .last_stream_us
-            .filter(|_| self.stream != StreamState::Stopped);
+        let last_stream_us = self.last_stream_us.filter(|_| self.stream != StreamState::Stopped);
         last_stream_us.is_some_and(|last_stream_us| now_us - last_stream_us > STARVED_AFTER_US)
     }
 
@@ -467,10 +456,9 @@ impl Commands {
         }
         self.pending = Some(PendingCommand::sent(repeated, command, seq, now_us));
         Some(match (&self.upload, command) {
-            (_, ToDevice::SetFeatures(filters)) => ToDevice::SetFeatures(FeatureFilters {
-                weights: &self.filter_weights,
-                ..filters
-            }),
+            (_, ToDevice::SetFeatures(filters)) => {
+                ToDevice::SetFeatures(FeatureFilters { weights: &self.filter_weights, ..filters })
+            }
             (UploadState::Underway(uploading), command) => uploading.with_bytes(command),
             (_, command) => command,
         })
@@ -566,10 +554,7 @@ impl Commands {
         if self.clock_query.handle_ack(of, result) {
             return AckEffect::NoChange;
         }
-        let Some(pending) = self
-            .pending
-            .filter(|pending| pending.is_acknowledged_by(of))
-        else {
+        let Some(pending) = self.pending.filter(|pending| pending.is_acknowledged_by(of)) else {
             return AckEffect::NoChange;
         };
         if is_upload(&pending.command) {
@@ -602,9 +587,7 @@ impl Commands {
                 self.stream = StreamState::Stopped;
                 self.last_stream_us = None;
                 if result == AckResult::Done {
-                    return AckEffect::Stopped {
-                        by_user: !self.streaming_wanted,
-                    };
+                    return AckEffect::Stopped { by_user: !self.streaming_wanted };
                 }
             }
             (ToDevice::Start(_), result) => {
@@ -613,11 +596,8 @@ impl Commands {
                     return AckEffect::NoChange;
                 }
                 self.streams.ask_for_all();
-                self.refused_start = Some(RefusedStart {
-                    command: pending.command,
-                    result,
-                    refused_us: now_us,
-                });
+                self.refused_start =
+                    Some(RefusedStart { command: pending.command, result, refused_us: now_us });
             }
             (ToDevice::SetRate { rate }, result) => {
                 self.answered_rate = Some((rate, result));

@@ -28,10 +28,7 @@ impl SelfTestState {
 
     /// Returns whether a result belongs to this self-test.
     pub(crate) fn is_underway(&self) -> bool {
-        matches!(
-            self,
-            SelfTestState::Due { .. } | SelfTestState::Running { .. }
-        )
+        matches!(self, SelfTestState::Due { .. } | SelfTestState::Running { .. })
     }
 
     /// Ends the self-test as failed if its result is overdue at `now_us`.

@@ -49,11 +49,7 @@ pub(crate) struct Uploading {
 
 impl Uploading {
     pub(crate) fn new(upload: Upload) -> Uploading {
-        Uploading {
-            upload,
-            received: None,
-            failures: 0,
-        }
+        Uploading { upload, received: None, failures: 0 }
     }
 
     /// Returns the next command. A chunk comes without its bytes; see [`Self::with_bytes`].
@@ -72,9 +68,7 @@ impl Uploading {
         let ToDevice::ModelChunk(ModelChunk { offset, .. }) = command else {
             return command;
         };
-        let rest = usize::try_from(offset)
-            .ok()
-            .and_then(|offset| self.upload.bytes.get(offset..));
+        let rest = usize::try_from(offset).ok().and_then(|offset| self.upload.bytes.get(offset..));
         let rest = rest.unwrap_or_default();
         let bytes = &rest[..rest.len().min(MAX_CHUNK_BYTES)];
         ToDevice::ModelChunk(ModelChunk { offset, bytes })

@@ -21,20 +21,12 @@ pub(crate) struct WantedStreams {
 impl WantedStreams {
     pub(crate) fn new(streams: Streams) -> WantedStreams {
         let wanted = with_codes(streams);
-        WantedStreams {
-            wanted,
-            choices: choices(wanted),
-            asked: 0,
-        }
+        WantedStreams { wanted, choices: choices(wanted), asked: 0 }
     }
 
     /// Wants exactly these streams: adds no codes, and does not ask for fewer after a refusal.
     pub(crate) fn alone(streams: Streams) -> WantedStreams {
-        WantedStreams {
-            wanted: streams,
-            choices: vec![streams],
-            asked: 0,
-        }
+        WantedStreams { wanted: streams, choices: vec![streams], asked: 0 }
     }
 
     /// Asks for all wanted streams again, because the device may be another one.
@@ -51,11 +43,7 @@ impl WantedStreams {
     pub(crate) fn refused(&self) -> Streams {
         let asked = self.asked();
         let refused = self.wanted.without(asked);
-        if RawForm::any_in(asked) {
-            refused.without(RawForm::Any.streams())
-        } else {
-            refused
-        }
+        if RawForm::any_in(asked) { refused.without(RawForm::Any.streams()) } else { refused }
     }
 
     /// Chooses the next set of streams after a refused `Start`. Returns false if there is none.
@@ -94,29 +82,16 @@ fn encoder_choices(wanted: Streams) -> Vec<Streams> {
     if !wanted.contains(Streams::PACKED) {
         return vec![wanted];
     }
-    vec![
-        wanted,
-        wanted.without(Streams::CODES),
-        wanted.without(Streams::PACKED) | Streams::CODES,
-    ]
+    vec![wanted, wanted.without(Streams::CODES), wanted.without(Streams::PACKED) | Streams::CODES]
 }
 
 /// Returns variants of `wanted`, one for each speed of the port, fastest first: with plain ADC
 /// samples; with compressed ones; with filtered steps, no ADC samples; without samples and steps.
 fn sample_choices(wanted: Streams) -> [Streams; 4] {
     let [raw, compressed] = [Streams::RAW, Streams::COMPRESSED_RAW];
-    let first = if wanted.contains(raw) {
-        wanted.without(compressed)
-    } else {
-        wanted
-    };
+    let first = if wanted.contains(raw) { wanted.without(compressed) } else { wanted };
     let filtered = wanted.without(RawForm::Any.streams());
-    [
-        first,
-        wanted.without(raw),
-        filtered,
-        filtered.without(Streams::FILTERED),
-    ]
+    [first, wanted.without(raw), filtered, filtered.without(Streams::FILTERED)]
 }
 
 /// Time from the start of a stream to the first clock query, microseconds. The clock needs this

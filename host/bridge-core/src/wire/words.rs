@@ -55,11 +55,7 @@ pub(crate) fn refusal(refused: &ToDevice, result: AckResult) -> String {
         }
         _ => "bring firmware and bridge to the same release",
     };
-    format!(
-        "the device refuses {}: {}; {remedy}",
-        command(refused),
-        reason(result)
-    )
+    format!("the device refuses {}: {}; {remedy}", command(refused), reason(result))
 }
 
 /// Returns a sentence for the log: why the device takes no packed model, and what the user can do.
@@ -118,10 +114,7 @@ mod tests {
 
     #[test]
     fn the_remedy_depends_on_the_reason() {
-        let start = ToDevice::Start(Start {
-            streams: Streams::CODES,
-            mains_hz: 50,
-        });
+        let start = ToDevice::Start(Start { streams: Streams::CODES, mains_hz: 50 });
         let damaged = refusal(&start, AckResult::NotSupported);
         assert!(damaged.contains("flash it again"), "{damaged}");
         let streams = refusal(&start, AckResult::BadArgument);

@@ -1,8 +1,5 @@
 //! Audits: comparison of a device's codes with the codes of the float network.
-#![allow(
-    clippy::cast_possible_truncation,
-    reason = "scales and zero points within their types"
-)]
+#![allow(clippy::cast_possible_truncation, reason = "scales and zero points within their types")]
 
 use std::path::Path;
 use std::sync::{Arc, LazyLock};
@@ -14,17 +11,11 @@ use link::{Audit, CodeValues, Streams, ToHost};
 use crate::board::{Board, NUMBERS, model};
 use crate::recorder::{Harness, SETTINGS};
 
-const AUDIT: Settings = Settings {
-    streams: Streams::from_bits(0b01001),
-    ..SETTINGS
-};
+const AUDIT: Settings = Settings { streams: Streams::from_bits(0b01001), ..SETTINGS };
 
 /// Folder of the model with the paper's montage. It never changes, so tests can state its figures.
 fn folder() -> &'static Path {
-    Path::new(concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../signal/model/paper"
-    ))
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../signal/model/paper"))
 }
 
 /// Returns the model in [`folder`]; it is read once per process.
@@ -101,19 +92,12 @@ fn codes_of_the_integer_encoder_are_within_the_limits() {
         // largest measured value is 0.34 levels; for a window of zeros it is 0.01.
         assert!(result.rms < 0.36, "{result:?}");
     }
-    assert_eq!(
-        judged.count(),
-        13,
-        "of 28; the others have cells at the rail"
-    );
+    assert_eq!(judged.count(), 13, "of 28; the others have cells at the rail");
 }
 
 #[test]
 fn codes_of_the_built_in_model_are_right_by_its_float_network() {
-    let folder = Path::new(concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../signal/model/artifact"
-    ));
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../signal/model/artifact"));
     let results = compare(&golden(folder), &model());
     let judged = || results.iter().filter(|result| !result.at_rail);
     for result in judged() {
@@ -130,9 +114,7 @@ fn flipped(value: usize, feature: usize) -> Model {
     let (name, shape) = ("encoder.shortcut.weight", [NUMBERS, 976]);
     let mut weights = artifact.weights.tensor(name, &shape).unwrap().to_vec();
     let row = &mut weights[value * 976..(value + 1) * 976];
-    let largest = row
-        .iter()
-        .fold(0.0_f32, |largest, weight| largest.max(weight.abs()));
+    let largest = row.iter().fold(0.0_f32, |largest, weight| largest.max(weight.abs()));
     let sign = if row[feature] < 0.0 { 1.0 } else { -1.0 };
     row[feature] += sign * largest * 128.0 / 127.0;
     artifact.weights.insert(name, &shape, weights);
@@ -142,9 +124,7 @@ fn flipped(value: usize, feature: usize) -> Model {
 #[test]
 fn a_flipped_sign_bit_is_found_only_at_the_value_that_it_changes() {
     let windows = golden(folder());
-    let loudest = windows
-        .iter()
-        .filter(|window| !judge(window, paper()).at_rail);
+    let loudest = windows.iter().filter(|window| !judge(window, paper()).at_rail);
     let loudest =
         loudest.max_by_key(|window| window.planes.iter().map(|step| step.unsigned_abs()).max());
     let loudest = std::slice::from_ref(loudest.unwrap());
@@ -188,12 +168,7 @@ fn the_limits_widen_with_the_exponent_of_a_code() {
 }
 
 fn audit<'p>(model_id: [u8; 8], planes: &'p [u8], values: &CodeValues<'p>) -> ToHost<'p> {
-    ToHost::Audit(Audit {
-        model_id,
-        window: 3,
-        planes,
-        values: *values,
-    })
+    ToHost::Audit(Audit { model_id, window: 3, planes, values: *values })
 }
 
 #[test]
@@ -202,14 +177,9 @@ fn audits_that_cannot_be_compared_are_counted_and_not_passed_on() {
     let (id, values) = (model().id(), CodeValues::int8(&[5; NUMBERS]));
     let planes = [0xFE; 1440];
     harness.send(0, &audit(id, &planes, &values));
-    let [audited] = &harness.recorder.audits[..] else {
-        panic!("{:?}", harness.recorder.audits)
-    };
+    let [audited] = &harness.recorder.audits[..] else { panic!("{:?}", harness.recorder.audits) };
     assert_eq!((audited.window, audited.resolution), (3, 1));
-    assert_eq!(
-        (&audited.planes[..], audited.levels[127]),
-        (&[-2; 1440][..], 5)
-    );
+    assert_eq!((&audited.planes[..], audited.levels[127]), (&[-2; 1440][..], 5));
     let wide = CodeValues::int16(&[5; 2 * NUMBERS]);
     for wrong in [
         audit([9; 8], &planes, &values),

@@ -14,10 +14,7 @@ pub(crate) const WALL_START_NS: i64 = 1_700_000_000_000_000_000;
 
 /// Returns the host time `us` microseconds after the start; its wall clock has no error.
 pub(crate) fn at(us: i64) -> HostTime {
-    HostTime {
-        monotonic_us: us,
-        wall_ns: WALL_START_NS + us * 1000,
-    }
+    HostTime { monotonic_us: us, wall_ns: WALL_START_NS + us * 1000 }
 }
 
 /// Checks that `text` contains each of the `parts`.
@@ -157,35 +154,22 @@ impl Board {
 
     /// Creates a board that refuses a `Start` with any stream outside `supported`.
     pub(crate) fn supporting(supported: Streams) -> Board {
-        Board {
-            supported,
-            ..Board::new()
-        }
+        Board { supported, ..Board::new() }
     }
 
     /// Creates a board with a model that the host does not have.
     pub(crate) fn of_another_model() -> Board {
-        Board {
-            model_id: [9; 8],
-            ..Board::new()
-        }
+        Board { model_id: [9; 8], ..Board::new() }
     }
 
     /// Creates another board, whose windows overlap less than those of [`Board::new`].
     pub(crate) fn of_another_shape() -> Board {
-        Board {
-            hop_steps: 16,
-            session_id: 77,
-            ..Board::new()
-        }
+        Board { hop_steps: 16, session_id: 77, ..Board::new() }
     }
 
     /// Creates a board with this result in the acknowledgements that `ack_result` describes.
     pub(crate) fn answering(ack_result: AckResult) -> Board {
-        Board {
-            ack_result,
-            ..Board::new()
-        }
+        Board { ack_result, ..Board::new() }
     }
 
     /// Restarts the board: it gets a new session id, and all its numbers start at 0 again.
@@ -202,10 +186,7 @@ impl Board {
 
     pub(crate) fn frame(&mut self, device_us: u64, message: &ToHost) -> Vec<u8> {
         let mut buffer = [0; MAX_FRAME];
-        self.encoder
-            .encode(device_us, message, &mut buffer)
-            .unwrap()
-            .to_vec()
+        self.encoder.encode(device_us, message, &mut buffer).unwrap().to_vec()
     }
 
     pub(crate) fn skip_frame(&mut self) {
@@ -222,10 +203,7 @@ impl Board {
 
     fn model_received(&mut self) -> Vec<u8> {
         let (ModelBegin { crc, .. }, bytes) = self.slot.clone().unwrap();
-        let received = ModelReceived {
-            crc,
-            bytes: u32::try_from(bytes.len()).unwrap(),
-        };
+        let received = ModelReceived { crc, bytes: u32::try_from(bytes.len()).unwrap() };
         self.frame(0, &ToHost::ModelReceived(received))
     }
 
@@ -310,10 +288,7 @@ impl Board {
                 ToDevice::Ping | ToDevice::SetFeatures(_) => {}
                 ToDevice::SyncTime { host_time_us } if let Some(zero_us) = self.zero_us => {
                     let received_us = host_time_us - zero_us.cast_unsigned();
-                    let reading = ToHost::ClockReading(ClockReading {
-                        host_time_us,
-                        received_us,
-                    });
+                    let reading = ToHost::ClockReading(ClockReading { host_time_us, received_us });
                     answers.extend(self.frame(received_us, &reading));
                 }
                 ToDevice::ModelBegin(_) | ToDevice::ModelChunk(_) | ToDevice::ModelEnd
@@ -380,10 +355,7 @@ impl Board {
 
     /// Returns the frame of the next code, made at `device_us`; all its 128 values are `value`.
     pub(crate) fn code(&mut self, device_us: u64, value: i8) -> Vec<u8> {
-        self.code_of(
-            device_us,
-            &CodeValues::int8(&[value.cast_unsigned(); NUMBERS]),
-        )
+        self.code_of(device_us, &CodeValues::int8(&[value.cast_unsigned(); NUMBERS]))
     }
 
     /// Returns the frame of the next code, with `values`, made at the device time `device_us`.
@@ -406,13 +378,6 @@ impl Board {
 
     pub(crate) fn stats(&mut self, streams: Streams) -> Vec<u8> {
         let next_window = self.next_window;
-        self.frame(
-            self.now_us,
-            &ToHost::Stats(Stats {
-                streams,
-                next_window,
-                ..Stats::default()
-            }),
-        )
+        self.frame(self.now_us, &ToHost::Stats(Stats { streams, next_window, ..Stats::default() }))
     }
 }

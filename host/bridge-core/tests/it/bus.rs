@@ -28,19 +28,12 @@ fn the_shift_of_each_topic_is_in_the_diagnostics() {
     // in a sum is 1.5 samples: 93.75 ms of codes, 11.7 ms of steps, 2.9 ms of ADC samples.
     for (topic, shift_us) in [
         ("encoded", 117_187 + 10_000 - 62_500 + 93_750),
-        (
-            "neurodata_reconstructed",
-            117_187 + 10_000 - 62_500 + 11_719,
-        ),
+        ("neurodata_reconstructed", 117_187 + 10_000 - 62_500 + 11_719),
         ("neurodata", 60_546 - 62_500 + 2_930),
         ("neurodata_corticode", 54_687 + 10_000 - 62_500 + 11_719),
     ] {
         let key = format!("recorder shift us /{topic}");
-        assert_eq!(
-            harness.figure("device", &key),
-            shift_us.to_string(),
-            "{key}"
-        );
+        assert_eq!(harness.figure("device", &key), shift_us.to_string(), "{key}");
     }
 }
 
@@ -56,10 +49,7 @@ fn events(harness: &Harness) -> Vec<(i32, f32, i64)> {
 
 #[test]
 fn lost_codes_and_restarts_are_events_where_their_fillers_begin() {
-    let settings = Settings {
-        event_stamps: EventStamps::Scalp,
-        ..EVENTS
-    };
+    let settings = Settings { event_stamps: EventStamps::Scalp, ..EVENTS };
     let mut harness = Harness::streaming(settings, Board::new());
     for lost in [false, true, true, false] {
         harness.code(1, lost);
@@ -71,10 +61,7 @@ fn lost_codes_and_restarts_are_events_where_their_fillers_begin() {
         .filter(|&at| fillers[at] && !fillers[at - 1])
         .map(|at| (harness.recorder.encoded[at].header.stamp.nanoseconds() - WALL_START_NS) / 1000)
         .collect();
-    assert_eq!(
-        events(&harness),
-        [(0x7f01, 0.125, begins[0]), (0x7ffe, 1.0, begins[1])]
-    );
+    assert_eq!(events(&harness), [(0x7f01, 0.125, begins[0]), (0x7ffe, 1.0, begins[1])]);
     let description = &harness.recorder.events[1].description;
     assert_eq!(description, "device restarted: 1.000 s");
 }
@@ -98,18 +85,11 @@ fn lost_edges_electrodes_without_contact_and_refused_devices_are_events() {
     harness.code(1, false);
     let now = harness.now_us as u64;
     for number in [0, 3] {
-        let edge = Event {
-            kind: EventKind::TriggerRise,
-            number,
-            sample: 0,
-        };
+        let edge = Event { kind: EventKind::TriggerRise, number, sample: 0 };
         harness.send(now, &ToHost::Event(edge));
     }
     for off_positive in [0, 0b101, 0b101, 0b1, 0] {
-        let converters = Converters {
-            off_positive,
-            ..Converters::default()
-        };
+        let converters = Converters { off_positive, ..Converters::default() };
         harness.send(now, &ToHost::Converters(converters));
     }
     harness.core.disconnected();
@@ -120,9 +100,6 @@ fn lost_edges_electrodes_without_contact_and_refused_devices_are_events() {
     let text = |at: usize| &harness.recorder.events[at].description;
     assert_eq!(text(1), "trigger edges lost: 2");
     let labels = crate::board::model().electrodes().to_vec();
-    assert_eq!(
-        *text(3),
-        format!("electrodes off: {} {}", labels[0], labels[2])
-    );
+    assert_eq!(*text(3), format!("electrodes off: {} {}", labels[0], labels[2]));
     assert!(text(6).contains("rate and window"), "{}", text(6));
 }

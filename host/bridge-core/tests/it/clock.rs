@@ -101,17 +101,11 @@ impl Run {
             // A step of the wall clock shows in all codes that are read after it.
             let step_ns = (self.wall_step_ns)(read_us / 1e6);
             let wall_ns = |us: f64| WALL_START_NS + (us * 1000.0) as i64 + step_ns;
-            let read = HostTime {
-                monotonic_us: read_us as i64,
-                wall_ns: wall_ns(read_us),
-            };
+            let read = HostTime { monotonic_us: read_us as i64, wall_ns: wall_ns(read_us) };
             clock.observe(device_us as u64, read);
             let stamp_ns = clock.wall_ns(device_us as i128).unwrap();
             let must_advance = self.ppm.abs() <= CRYSTAL_PPM || sent_us > SETTLED_S * 1e6;
-            assert!(
-                !must_advance || stamp_ns > last_ns,
-                "a stamp went back at {sent_us} us"
-            );
+            assert!(!must_advance || stamp_ns > last_ns, "a stamp went back at {sent_us} us");
             last_ns = stamp_ns;
             let error_us = (stamp_ns - wall_ns(sent_us)) as f64 / 1000.0;
             errors.push((read_us / 1e6, error_us));
@@ -169,24 +163,13 @@ fn stamps_are_exact_at_any_rate_of_a_device_while_it_warms_up_and_after_stalls()
     for ppm in rates {
         for reads in ALL_READS {
             for stalls in [&[] as &[_], &[[100.0, 105.0]]] {
-                runs.push(Run {
-                    ppm,
-                    reads,
-                    stalls,
-                    ..QUIET
-                });
+                runs.push(Run { ppm, reads, stalls, ..QUIET });
             }
         }
         for reads in [AT_ARRIVAL, USB_FRAMES] {
             // The device warms up by 200 ppm in a minute, or cools down.
             for changes in [&[[120.0, 60.0, 200.0]], &[[120.0, 60.0, -200.0]]] {
-                runs.push(Run {
-                    ppm,
-                    reads,
-                    changes,
-                    seconds: 600.0,
-                    ..QUIET
-                });
+                runs.push(Run { ppm, reads, changes, seconds: 600.0, ..QUIET });
             }
         }
         let long: [&[_]; 4] = [
@@ -195,28 +178,13 @@ fn stamps_are_exact_at_any_rate_of_a_device_while_it_warms_up_and_after_stalls()
             &[[100.0, 400.0]],
             &[[100.0, 160.0], [165.0, 225.0], [226.0, 300.0]],
         ];
-        runs.extend(long.map(|stalls| Run {
-            ppm,
-            stalls,
-            seconds: 900.0,
-            ..QUIET
-        }));
+        runs.extend(long.map(|stalls| Run { ppm, stalls, seconds: 900.0, ..QUIET }));
     }
     let stalls = &[[100.0, 160.0], [400.0, 700.0]];
-    runs.push(Run {
-        reads: BUNCHES,
-        stalls,
-        seconds: 900.0,
-        ..QUIET
-    });
+    runs.push(Run { reads: BUNCHES, stalls, seconds: 900.0, ..QUIET });
     let changes: &[[f64; 3]] = &[[150.0, 0.0, 20.0], [500.0, 0.0, -20.0]];
     for stalls in [&[] as &[_], &[[300.0, 420.0], [700.0, 760.0]]] {
-        runs.push(Run {
-            changes,
-            stalls,
-            seconds: 900.0,
-            ..QUIET
-        });
+        runs.push(Run { changes, stalls, seconds: 900.0, ..QUIET });
     }
     for run in runs {
         run.check();
@@ -238,17 +206,11 @@ fn a_clock_that_drifted_during_an_hour_of_stall_is_followed_again() {
 #[test]
 fn a_step_of_the_wall_clock_is_followed_without_going_backwards() {
     for stalls in [&[] as &'static [[f64; 2]], &[[100.0, 160.0]]] {
-        let forwards = Run {
-            stalls,
-            wall_step_ns: |t| if t < 130.0 { 0 } else { 2_000_000_000 },
-            ..QUIET
-        };
+        let forwards =
+            Run { stalls, wall_step_ns: |t| if t < 130.0 { 0 } else { 2_000_000_000 }, ..QUIET };
         forwards.check();
     }
-    let backwards = Run {
-        wall_step_ns: |t| if t < 100.0 { 0 } else { -1_000_000_000 },
-        ..QUIET
-    };
+    let backwards = Run { wall_step_ns: |t| if t < 100.0 { 0 } else { -1_000_000_000 }, ..QUIET };
     // After a backward step of 1 s, stamps catch up by 0.1 s per second within 10 s, except for the
     // last 20 ms: at the slew rate of 600 ppm these take 33 s. Check errors again after 45 s.
     let mut errors = backwards.errors();
@@ -259,10 +221,7 @@ fn a_step_of_the_wall_clock_is_followed_without_going_backwards() {
 #[test]
 fn stamps_are_late_by_the_least_delay() {
     // The encoder delays each frame by 3 ms and the link by at least 2 ms, so stamps are 5 ms late.
-    let run = Run {
-        least_delay_us: 5_000.0,
-        ..QUIET
-    };
+    let run = Run { least_delay_us: 5_000.0, ..QUIET };
     for (seconds, error) in run.errors() {
         let is_late = (4500.0..5500.0).contains(&error);
         assert!(seconds < 2.0 || is_late, "{error} us at {seconds} s");
@@ -330,10 +289,7 @@ fn a_step_back_is_counted_and_one_beyond_30_s_is_followed_at_once() {
         let step_ns = step_s * 1_000_000_000;
         for code in 1..=16_i64 {
             let us = now + code * 62_500;
-            let read = HostTime {
-                wall_ns: at(us).wall_ns + step_ns,
-                ..at(us)
-            };
+            let read = HostTime { wall_ns: at(us).wall_ns + step_ns, ..at(us) };
             clock.observe(us.unsigned_abs(), read);
         }
         assert_eq!((clock.wall_steps(), clock.wall_steps_back()), (1, back));

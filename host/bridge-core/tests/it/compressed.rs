@@ -7,10 +7,7 @@ use lossless::{Count, Encoder, EncoderState, Kind, MAX_SAMPLES};
 use crate::recorder::{Harness, SETTINGS, fillers};
 use crate::samples::{SAMPLES, counts, harness, send_samples, time};
 
-const COMPRESSED: Settings = Settings {
-    streams: Streams::from_bits(0b10_0111),
-    ..SETTINGS
-};
+const COMPRESSED: Settings = Settings { streams: Streams::from_bits(0b10_0111), ..SETTINGS };
 
 /// A device that sends its ADC samples compressed.
 struct Device {
@@ -20,10 +17,7 @@ struct Device {
 
 impl Device {
     fn new() -> Device {
-        Device {
-            encoder: Encoder { key_blocks: 16 },
-            state: EncoderState::NEW,
-        }
+        Device { encoder: Encoder { key_blocks: 16 }, state: EncoderState::NEW }
     }
 
     /// Compresses eight samples, starting with sample `first`, and delivers their block to the
@@ -148,9 +142,6 @@ fn a_block_of_another_run_is_not_decoded_with_the_past_of_this_one() {
     restarted.send(&mut harness, 1_600, true);
     let block = restarted.send_as(&mut harness, 1_608, 8, false);
     assert_eq!(block, BlockForm::Continuing);
-    let expected = [
-        ("raw samples undecodable", "8"),
-        ("raw samples received", "8"),
-    ];
+    let expected = [("raw samples undecodable", "8"), ("raw samples received", "8")];
     assert_loss(&mut harness, expected);
 }

@@ -14,18 +14,9 @@ fn encoded_frames_have_the_fields_that_ros_neuro_expects() {
     harness.code(-128, false);
     let frame = &harness.recorder.encoded[0];
     let info = &frame.eeg.info;
-    assert_eq!(
-        (frame.sr, info.nsamples, info.nchannels, info.stride),
-        (16, 1, 128, 512)
-    );
-    assert_eq!(
-        (info.labels[0].as_str(), info.labels[127].as_str()),
-        ("z000", "z127")
-    );
-    assert_eq!(
-        (info.transducter.as_str(), info.prefiltering.as_str()),
-        ("autoencoder", "none")
-    );
+    assert_eq!((frame.sr, info.nsamples, info.nchannels, info.stride), (16, 1, 128, 512));
+    assert_eq!((info.labels[0].as_str(), info.labels[127].as_str()), ("z000", "z127"));
+    assert_eq!((info.transducter.as_str(), info.prefiltering.as_str()), ("autoencoder", "none"));
     assert_eq!(info.isint, 0);
     assert!(!info.unit.is_empty());
     // The range of (level - 1) * 0.5, for int8 levels from -128 to 127.
@@ -47,13 +38,8 @@ fn electrodes_that_were_not_recorded_are_named_until_another_device_answers() {
         streams: SETTINGS.streams | Streams::RAW,
         ..SETTINGS
     };
-    let board = Board {
-        substitutes: Substitutes {
-            interpolated: 0b101,
-            zero: 1 << 60,
-        },
-        ..Board::new()
-    };
+    let board =
+        Board { substitutes: Substitutes { interpolated: 0b101, zero: 1 << 60 }, ..Board::new() };
     let mut harness = Harness::streaming(settings, board);
     harness.code(0, false);
     let [first, third, last] = [0, 2, 60].map(electrode);
@@ -90,20 +76,13 @@ fn stamps_refer_to_the_chosen_point_of_the_frame() {
     ] {
         let mut harness = Harness::streaming(Settings { stamp, ..SETTINGS }, Board::new());
         harness.code(0, false);
-        assert_eq!(
-            harness.recorder.encoded[0].header.stamp.nanoseconds(),
-            expected,
-            "{stamp:?}"
-        );
+        assert_eq!(harness.recorder.encoded[0].header.stamp.nanoseconds(), expected, "{stamp:?}");
     }
 }
 
 #[test]
 fn the_mains_frequency_is_sent_to_the_device() {
-    let settings = Settings {
-        mains_hz: 60,
-        ..SETTINGS
-    };
+    let settings = Settings { mains_hz: 60, ..SETTINGS };
     let harness = Harness::streaming(settings, Board::new());
     assert!(matches!(harness.board.received[2].1, ToDevice::Start(start) if start.mains_hz == 60));
 }
@@ -122,10 +101,7 @@ fn a_loss_is_a_warning_in_one_report() {
 
 #[test]
 fn the_reconstruction_is_announced_only_if_codes_can_be_decoded() {
-    let settings = Settings {
-        announced: AnnouncedStream::Reconstructed,
-        ..SETTINGS
-    };
+    let settings = Settings { announced: AnnouncedStream::Reconstructed, ..SETTINGS };
     let announced = |board| {
         let mut harness = Harness::connected(settings, board);
         harness.recorder.announced.remove(0).info

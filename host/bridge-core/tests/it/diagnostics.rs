@@ -52,10 +52,7 @@ fn chips_in_order_are_no_warning() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     let status = report_status(&mut harness, |_| {});
     assert_eq!(state(&status), (DiagnosticLevel::Ok, "2 chips convert"));
-    assert_eq!(
-        value(&status, "DRDY"),
-        "512.010 Hz, +20 ppm off the 512 Hz that were set"
-    );
+    assert_eq!(value(&status, "DRDY"), "512.010 Hz, +20 ppm off the 512 Hz that were set");
     assert_eq!(value(&status, "positive electrodes off"), "none");
     assert_eq!(value(&status, "chip 1: frames bad"), "0");
     let status = report_status(&mut harness, |converters| converters.drdy_millihertz = 0);
@@ -165,18 +162,10 @@ fn good_electrodes_are_no_warning_and_settling_is_reported() {
     harness.send(0, &quality(|_| {}));
     assert_eq!(harness.core.electrode_faults(), None);
     let status = harness.status("signal quality").unwrap();
-    assert_eq!(
-        state(&status),
-        (DiagnosticLevel::Ok, "61 electrodes in order")
-    );
-    let status = harness.status_after(
-        &quality(|quality| quality.settling = true),
-        "signal quality",
-    );
-    assert_eq!(
-        state(&status),
-        (DiagnosticLevel::Ok, "the filters are settling")
-    );
+    assert_eq!(state(&status), (DiagnosticLevel::Ok, "61 electrodes in order"));
+    let status =
+        harness.status_after(&quality(|quality| quality.settling = true), "signal quality");
+    assert_eq!(state(&status), (DiagnosticLevel::Ok, "the filters are settling"));
 }
 
 #[test]
@@ -190,10 +179,7 @@ fn impossible_figures_and_missing_labels_are_handled() {
         }
     });
     let status = harness.status_after(&message, "signal quality");
-    assert_eq!(
-        status.message,
-        format!("mains above 100 uV: {}", electrode(1))
-    );
+    assert_eq!(status.message, format!("mains above 100 uV: {}", electrode(1)));
     assert_eq!(status.values[63].key, "electrode 63");
     let none = quality(|quality| quality.electrodes.clear());
     let status = harness.status_after(&none, "signal quality");
@@ -236,19 +222,13 @@ fn values(status: &DiagnosticStatus) -> Vec<(&str, &str)> {
 fn stages_in_time_and_a_sufficient_stack_are_no_warning() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     let status = harness.status_after(&timing(|_| {}), "timing");
-    assert_eq!(
-        state(&status),
-        (DiagnosticLevel::Ok, "2 stages within their deadlines")
-    );
+    assert_eq!(state(&status), (DiagnosticLevel::Ok, "2 stages within their deadlines"));
     assert!(status.hardware_id.starts_with("board "));
     assert_eq!(
         values(&status),
         [
             ("acquire", "worst 122.5 us of 1953.125 us"),
-            (
-                "acquire: times per eighth of it",
-                "512 0 0 0 0 0 0 0, late 0"
-            ),
+            ("acquire: times per eighth of it", "512 0 0 0 0 0 0 0, late 0"),
             ("code", "worst 7812.5 us of 7812.5 us"),
             ("code: times per eighth of it", "0 9 0 0 0 0 0 1, late 0"),
             ("stack", "6144 of 8192 bytes"),
@@ -277,10 +257,7 @@ fn a_stage_late_by_a_nanosecond_and_a_stack_more_than_three_quarters_full_are_na
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     for (message, expected) in [
         (&full, "stack nearly used up: 6145 of 8192 bytes"),
-        (
-            &both,
-            "late since boot: acquire; stack nearly used up: 4294967295 of 8192 bytes",
-        ),
+        (&both, "late since boot: acquire; stack nearly used up: 4294967295 of 8192 bytes"),
         (&late, "late since boot: code stage 9"),
     ] {
         let status = harness.status_after(message, "timing");
@@ -315,27 +292,20 @@ fn the_summary_names_the_stage_closest_to_its_deadline_across_resets() {
     harness.reboot(0);
     harness.status_after(&timing(|_| {}), "timing");
     let line = harness.core.summary().to_string();
-    assert!(
-        line.ends_with("; stage acquire: worst 4000 us of 1953.125 us"),
-        "{line}"
-    );
+    assert!(line.ends_with("; stage acquire: worst 4000 us of 1953.125 us"), "{line}");
 }
 
 #[test]
 fn a_report_is_shown_once_and_never_after_a_reset() {
     let flat = quality(|quality| quality.electrodes[0].flat = true);
     let full = timing(|timing| timing.stack_used = 8192);
-    for (part, older, newer) in [
-        ("signal quality", flat, quality(|_| {})),
-        ("timing", full, timing(|_| {})),
-    ] {
+    for (part, older, newer) in
+        [("signal quality", flat, quality(|_| {})), ("timing", full, timing(|_| {}))]
+    {
         let mut harness = Harness::streaming(SETTINGS, Board::new());
         assert_eq!(harness.status(part), None);
         harness.send(0, &older);
-        assert_eq!(
-            harness.status_after(&newer, part).level,
-            DiagnosticLevel::Ok
-        );
+        assert_eq!(harness.status_after(&newer, part).level, DiagnosticLevel::Ok);
         assert_eq!(harness.status(part), None, "shown again");
         harness.send(0, &newer);
         harness.reboot(0);

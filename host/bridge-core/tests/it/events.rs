@@ -9,17 +9,10 @@ use crate::board::{Board, WALL_START_NS};
 use crate::recorder::{Harness, SETTINGS, state, value};
 use crate::samples::send_samples_at;
 
-const EVENTS: Settings = Settings {
-    streams: Streams::from_bits(0b10011),
-    ..SETTINGS
-};
+const EVENTS: Settings = Settings { streams: Streams::from_bits(0b10011), ..SETTINGS };
 
 fn event(kind: EventKind, number: u32, sample: u64) -> ToHost<'static> {
-    ToHost::Event(Event {
-        kind,
-        number,
-        sample,
-    })
+    ToHost::Event(Event { kind, number, sample })
 }
 
 #[test]
@@ -37,17 +30,11 @@ fn an_edge_becomes_an_event_at_its_own_time() {
     // A rising edge has the code 1, the first user code in GDF's event table. A falling edge has
     // the same code with the bit 0x8000, which marks the end of an event.
     assert_eq!((rise.event, fall.event), (1, 0x8001));
-    assert_eq!(
-        (&*rise.description, &*fall.description),
-        ("trigger high", "trigger low")
-    );
+    assert_eq!((&*rise.description, &*fall.description), ("trigger high", "trigger low"));
     assert_eq!((rise.duration, rise.family, &*rise.version), (0.0, 0, "1"));
     let since = rise.header.stamp.nanoseconds() - WALL_START_NS;
     assert_eq!(since, happened.cast_signed() * 1000);
-    assert_eq!(
-        fall.header.stamp.nanoseconds() - rise.header.stamp.nanoseconds(),
-        5_000_000
-    );
+    assert_eq!(fall.header.stamp.nanoseconds() - rise.header.stamp.nanoseconds(), 5_000_000);
     // The places of the events have the device times of the edges.
     let times = [happened, happened + 5_000].map(Some);
     let places = harness.recorder.places.iter();
@@ -63,13 +50,7 @@ fn lost_events_are_counted_and_reported_once() {
         harness.send(now, &event(EventKind::TriggerRise, number, 0));
     }
     let status = harness.status("loss").unwrap();
-    assert_eq!(
-        state(&status),
-        (
-            DiagnosticLevel::Warn,
-            "3 events missing since the last report"
-        )
-    );
+    assert_eq!(state(&status), (DiagnosticLevel::Warn, "3 events missing since the last report"));
     assert_eq!(harness.status("loss").unwrap().level, DiagnosticLevel::Ok);
     // Three events are edges, and one states that edges were lost.
     assert_eq!(harness.recorder.events.len(), 4);

@@ -7,18 +7,12 @@ use neuro_ros::DiagnosticLevel;
 use crate::board::Board;
 use crate::recorder::{Harness, SETTINGS, commands, state};
 
-const EVENTS: Settings = Settings {
-    streams: Streams::from_bits(0b1_0001),
-    ..SETTINGS
-};
+const EVENTS: Settings = Settings { streams: Streams::from_bits(0b1_0001), ..SETTINGS };
 
 /// Label of electrode 3, and the policy that always excludes it.
 fn third(board: &Board) -> (String, ExclusionPolicy) {
     let label = board.labels.split(' ').nth(3).unwrap().to_owned();
-    let policy = ExclusionPolicy {
-        always: 1 << 3,
-        ..ExclusionPolicy::AUTOMATIC
-    };
+    let policy = ExclusionPolicy { always: 1 << 3, ..ExclusionPolicy::AUTOMATIC };
     (label, policy)
 }
 
@@ -35,11 +29,7 @@ fn excluding(board: Board) -> (Harness, ExclusionPolicy) {
 }
 
 fn report(excluded: u64, policy: ExclusionPolicy) -> ToHost<'static> {
-    ToHost::Exclusion(Exclusion {
-        first_step: 64,
-        excluded,
-        policy,
-    })
+    ToHost::Exclusion(Exclusion { first_step: 64, excluded, policy })
 }
 
 #[test]
@@ -92,22 +82,15 @@ fn a_change_of_the_excluded_electrodes_is_an_event_and_a_warning() {
         let expected = if excluded == 0 {
             (DiagnosticLevel::Ok, "no electrode is excluded".to_owned())
         } else {
-            (
-                DiagnosticLevel::Warn,
-                format!("filled from the others: {label}"),
-            )
+            (DiagnosticLevel::Warn, format!("filled from the others: {label}"))
         };
         assert_eq!(state(&status), (expected.0, expected.1.as_str()));
     }
     let events = harness.recorder.events.iter();
-    let events: Vec<(i32, &str)> = events
-        .map(|event| (event.event, event.description.as_str()))
-        .collect();
+    let events: Vec<(i32, &str)> =
+        events.map(|event| (event.event, event.description.as_str())).collect();
     let excluded = format!("electrodes excluded: {label}");
-    let expected = [
-        (0x7f04, &*excluded),
-        (0x7f04 | 0x8000, "no electrode excluded"),
-    ];
+    let expected = [(0x7f04, &*excluded), (0x7f04 | 0x8000, "no electrode excluded")];
     assert_eq!(events, expected);
 }
 

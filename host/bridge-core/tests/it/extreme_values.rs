@@ -45,18 +45,8 @@ impl Effects for Counter {
 }
 
 /// Numbers to try in every field: limits of integer types, numbers near a wrap, and some between.
-const NUMBERS: [u64; 10] = [
-    0,
-    1,
-    31,
-    1_000,
-    100_000,
-    1 << 31,
-    1 << 32,
-    1 << 63,
-    u64::MAX - 8,
-    u64::MAX,
-];
+const NUMBERS: [u64; 10] =
+    [0, 1, 31, 1_000, 100_000, 1 << 31, 1 << 32, 1 << 63, u64::MAX - 8, u64::MAX];
 
 #[test]
 fn extreme_numbers_in_valid_frames_do_not_panic_or_stop_the_codes() {
@@ -66,11 +56,7 @@ fn extreme_numbers_in_valid_frames_do_not_panic_or_stop_the_codes() {
 }
 
 fn survives_extreme_numbers(filler: FillerPolicy) {
-    let settings = bridge_core::Settings {
-        filler,
-        streams: Streams::ALL,
-        ..SETTINGS
-    };
+    let settings = bridge_core::Settings { filler, streams: Streams::ALL, ..SETTINGS };
     let mut core = Core::new(settings, Some(model()));
     let (mut board, mut counter) = (Board::new(), Counter::default());
     let mut now_us = 1_000_000;
@@ -114,10 +100,7 @@ fn survives_extreme_numbers(filler: FillerPolicy) {
                 frames_bad: [small; 8].into_iter().collect(),
                 ..Converters::default()
             }),
-            4 => ToHost::ClockReading(ClockReading {
-                host_time_us: first,
-                received_us: other,
-            }),
+            4 => ToHost::ClockReading(ClockReading { host_time_us: first, received_us: other }),
             5 => ToHost::CompressedRaw(CompressedRaw {
                 first_sample: first,
                 channels: 64,

@@ -10,27 +10,18 @@ use neuro_ros::{DiagnosticLevel, NeuroOutput};
 use crate::board::Board;
 use crate::recorder::{Harness, SETTINGS, commands, state};
 
-const FEATURES: Settings = Settings {
-    streams: Streams::FEATURES,
-    ..SETTINGS
-};
+const FEATURES: Settings = Settings { streams: Streams::FEATURES, ..SETTINGS };
 
 /// A classifier for the board's montage with a window of two hops. Its second class is as probable
 /// as the first at level 80, which is the energy 2^20.
 fn classifier(board: &Board) -> Classifier {
     let electrodes: Vec<String> = board.labels.split(' ').map(str::to_owned).collect();
-    let class = |code, event: &str| Class {
-        code,
-        event: event.to_owned(),
-    };
+    let class = |code, event: &str| Class { code, event: event.to_owned() };
     Classifier {
         format: 1,
         step_rate_hz: 128,
         hop_steps: 8,
-        band: Band {
-            hz: [8.0, 30.0],
-            sections: [[1 << 30, 1 << 31, -(1 << 31)]; 2],
-        },
+        band: Band { hz: [8.0, 30.0], sections: [[1 << 30, 1 << 31, -(1 << 31)]; 2] },
         decision: DecisionRule {
             classes: vec![class(769, "T1"), class(770, "T2")],
             window_hops: 2,
@@ -62,12 +53,7 @@ impl Loop {
         let mut harness = Harness::new(FEATURES, board);
         harness.core.set_classifier(classifier);
         harness.connect();
-        Loop {
-            harness,
-            id,
-            hop: 0,
-            saturated: 0,
-        }
+        Loop { harness, id, hop: 0, saturated: 0 }
     }
 
     /// Advances time by a hop, for which the board sends the level of one filter.
@@ -197,15 +183,9 @@ fn a_classifier_of_another_montage_decides_nothing() {
 #[test]
 fn firmware_without_features_streams_everything_else() {
     let others = Streams::CODES | Streams::RAW | Streams::PACKED;
-    let board = Board {
-        supported: Streams::ALL.without(Streams::FEATURES),
-        ..Board::new()
-    };
+    let board = Board { supported: Streams::ALL.without(Streams::FEATURES), ..Board::new() };
     let classifier = classifier(&board);
-    let settings = Settings {
-        streams: others | Streams::FEATURES,
-        ..SETTINGS
-    };
+    let settings = Settings { streams: others | Streams::FEATURES, ..SETTINGS };
     let mut harness = Harness::new(settings, board);
     harness.core.set_classifier(classifier);
     harness.connect();

@@ -17,10 +17,7 @@ fn measuring(board: Board) -> Harness {
 /// Returns how often the device was asked to measure.
 fn asked(harness: &Harness) -> usize {
     let commands = commands(harness);
-    commands
-        .iter()
-        .filter(|name| **name == "set impedance")
-        .count()
+    commands.iter().filter(|name| **name == "set impedance").count()
 }
 
 #[test]
@@ -29,10 +26,7 @@ fn the_device_measures_once_it_streams_and_again_after_a_restart() {
     harness.exchange();
     assert_eq!(commands(&harness)[1..], ["stop", "start", "set impedance"]);
     harness.codes(20, 1);
-    assert_eq!(
-        (asked(&harness), harness.core.impedance_refusal()),
-        (1, None)
-    );
+    assert_eq!((asked(&harness), harness.core.impedance_refusal()), (1, None));
     harness.board.received.clear();
     harness.reboot(1_000_000);
     harness.codes(20, 1);
@@ -79,16 +73,11 @@ fn a_measurement_is_published_once_and_warns_of_bad_contacts() {
     let mut harness = measuring(Board::new());
     harness.codes(3, 1);
     assert!(harness.status("impedance").is_none());
-    let labels: Vec<String> = (harness.board.labels.split(' '))
-        .map(str::to_owned)
-        .collect();
+    let labels: Vec<String> = (harness.board.labels.split(' ')).map(str::to_owned).collect();
     let mut ohms = vec![7_300; labels.len()];
     ohms[4] = 30_000;
     ohms[5] = Impedance::OPEN;
-    let bytes: Vec<u8> = ohms
-        .iter()
-        .flat_map(|ohms: &u32| ohms.to_le_bytes())
-        .collect();
+    let bytes: Vec<u8> = ohms.iter().flat_map(|ohms: &u32| ohms.to_le_bytes()).collect();
     let impedance = Impedance { ohms: &bytes };
     harness.send(harness.now_us.unsigned_abs(), &ToHost::Impedance(impedance));
     let status = harness.status("impedance").expect("a status");

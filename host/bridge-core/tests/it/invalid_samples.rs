@@ -21,19 +21,10 @@ fn samples_that_do_not_match_the_device_are_counted_and_not_published() {
         (u64::MAX, 64, &good),
         (u64::MAX - 7, 64, &good),
     ] {
-        let raw = Raw {
-            first_sample,
-            channels,
-            flags: Flags::empty(),
-            counts,
-        };
+        let raw = Raw { first_sample, channels, flags: Flags::empty(), counts };
         harness.send(2_000_000, &ToHost::Raw(raw));
     }
-    for (electrodes, values) in [
-        (61, &good[..61 * 4 + 2]),
-        (60, &good[..240]),
-        (0, &good[..0]),
-    ] {
+    for (electrodes, values) in [(61, &good[..61 * 4 + 2]), (60, &good[..240]), (0, &good[..0])] {
         let filtered = Filtered {
             first_step: 0,
             electrodes,

@@ -40,11 +40,7 @@ fn a_device_of_another_shape_is_refused_until_the_first_one_returns() {
 #[test]
 fn a_device_with_impossible_capabilities_is_refused() {
     for (hop_steps, step_rate_hz) in [(0, 128), (17, 136), (9, 128)] {
-        let board = Board {
-            hop_steps,
-            step_rate_hz,
-            ..Board::new()
-        };
+        let board = Board { hop_steps, step_rate_hz, ..Board::new() };
         let mut harness = Harness::connected(SETTINGS, board);
         harness.code(1, false);
         assert!(harness.recorder.announced.is_empty() && harness.recorder.encoded.is_empty());
@@ -97,10 +93,7 @@ fn a_device_that_differs_from_the_announced_one_is_refused() {
 }
 
 fn connected(code_format: CodeFormat) -> Harness {
-    let board = Board {
-        code_format,
-        ..Board::new()
-    };
+    let board = Board { code_format, ..Board::new() };
     Harness::connected(SETTINGS, board)
 }
 
@@ -185,16 +178,9 @@ fn unknown_messages_of_a_newer_device_do_not_affect_codes() {
 fn a_device_with_another_wire_version_is_reported_as_such() {
     let mut harness = Harness::new(SETTINGS, Board::new());
     harness.open();
-    let header = link::Header {
-        version: 2,
-        seq: 0,
-        device_time_us: 0,
-    };
+    let header = link::Header { version: 2, seq: 0, device_time_us: 0 };
     let mut buffer = [0; link::MAX_FRAME];
-    let ack = ToHost::Ack(link::Ack {
-        of: 0,
-        result: AckResult::Done,
-    });
+    let ack = ToHost::Ack(link::Ack { of: 0, result: AckResult::Done });
     harness.receive(link::encode(&header, &ack, &mut buffer).unwrap());
     let report = harness.report("link");
     assert_has(&report, ["another version", "same release"]);

@@ -31,20 +31,14 @@ fn with_low_latency_each_block_yields_its_signals_at_once() {
         let stamp_us = frame.header.stamp.nanoseconds() / 1000;
         let last_step_us = 1_000_000 + 62_500 * (i64::from(index) + 1);
         let expected_us = at(last_step_us - 7 * 7_812 - 4 - 10_000).wall_ns / 1000;
-        assert!(
-            (stamp_us - expected_us).abs() < 10,
-            "{stamp_us} {expected_us}"
-        );
+        assert!((stamp_us - expected_us).abs() < 10, "{stamp_us} {expected_us}");
         assert_eq!(frame.tri.data[1], i32::try_from(index).unwrap());
     }
 }
 
 #[test]
 fn otherwise_a_block_yields_the_frame_before_it_with_its_correction() {
-    let smooth = Settings {
-        low_latency: false,
-        ..PACKED
-    };
+    let smooth = Settings { low_latency: false, ..PACKED };
     let mut device = Packed::new(smooth);
     device.send_all(70, false);
     let frames = frames(&device.harness.recorder, smooth);
@@ -83,10 +77,7 @@ fn a_lost_block_even_the_first_is_predicted_and_flagged_until_the_state_has_heal
     }
     let summary = device.harness.core.summary();
     let packed = summary.packed;
-    assert_eq!(
-        (packed.made, packed.received, packed.lost, packed.fillers),
-        (80, 75, 5, 5)
-    );
+    assert_eq!((packed.made, packed.received, packed.lost, packed.fillers), (80, 75, 5, 5));
     assert_eq!(summary.frames_lost, 5);
     // The filler policy decides the values in frames of lost blocks, not in later frames.
     for (filler, due) in [(FillerPolicy::Zeros, 80), (FillerPolicy::Off, 75)] {
@@ -106,10 +97,7 @@ fn a_lost_block_even_the_first_is_predicted_and_flagged_until_the_state_has_heal
 
 #[test]
 fn codes_beside_blocks_are_published_and_not_decoded() {
-    let both = Settings {
-        streams: Streams::CODES | Streams::PACKED,
-        ..PACKED
-    };
+    let both = Settings { streams: Streams::CODES | Streams::PACKED, ..PACKED };
     let mut device = Packed::new(both);
     for _ in 0..4 {
         device.send(false);
@@ -226,18 +214,13 @@ fn an_audit_measures_the_error_of_the_blocks_in_its_window() {
     let announced = &recorder.announced[0].device;
     let mut decoder = PackedReconstruction::new(announced, &model(), PACKED).unwrap();
     let blocks = recorder.blocks.iter();
-    let frames: Vec<Vec<f32>> = blocks
-        .map(|block| decoder.next_frame(block).unwrap().eeg.data.clone())
-        .collect();
+    let frames: Vec<Vec<f32>> =
+        blocks.map(|block| decoder.next_frame(block).unwrap().eeg.data.clone()).collect();
     // The measured signals differ from the blocks' signals by 6 uV, alternately up and down.
     let measured = |first: usize| -> Vec<f32> {
         let signals = frames[first..first + 2].concat();
         let signs = [6.0, -6.0].into_iter().cycle();
-        signals
-            .iter()
-            .zip(signs)
-            .map(|(uv, off)| uv + off)
-            .collect()
+        signals.iter().zip(signs).map(|(uv, off)| uv + off).collect()
     };
     let error = window(&device, 2, &measured(2)).compare_packed(&model(), &decoder);
     let error = error.expect("both blocks came");
@@ -263,15 +246,9 @@ fn an_audit_measures_the_error_of_the_blocks_in_its_window() {
 
 #[test]
 fn the_rate_is_set_before_the_start_and_while_blocks_arrive() {
-    let asked = Settings {
-        packed_rate: Some(7),
-        ..PACKED
-    };
+    let asked = Settings { packed_rate: Some(7), ..PACKED };
     let mut device = Packed::new(asked);
-    assert_eq!(
-        commands(&device.harness),
-        ["identify", "stop", "set rate", "start"]
-    );
+    assert_eq!(commands(&device.harness), ["identify", "stop", "set rate", "start"]);
     assert_eq!(device.harness.board.rate, 7);
     device.send(false);
     device.harness.core.set_packed_rate(2);
@@ -281,26 +258,17 @@ fn the_rate_is_set_before_the_start_and_while_blocks_arrive() {
     assert_eq!(device.harness.board.rate, 2);
     assert_eq!(commands(&device.harness).last(), Some(&"set rate"));
     // A device that is not asked for packed blocks gets no command that sets their rate.
-    let codes = Settings {
-        streams: Streams::CODES,
-        ..asked
-    };
+    let codes = Settings { streams: Streams::CODES, ..asked };
     assert!(!commands(&Packed::new(codes).harness).contains(&"set rate"));
 }
 
 #[test]
 fn a_device_that_cannot_set_the_rate_streams_all_the_same() {
-    let asked = Settings {
-        packed_rate: Some(7),
-        ..PACKED
-    };
+    let asked = Settings { packed_rate: Some(7), ..PACKED };
     // The board refuses packed blocks too, and is then asked for codes.
     let without_packed = Streams::ALL.without(Streams::PACKED);
     let harness = Harness::connected(asked, Board::supporting(without_packed));
-    assert_eq!(
-        commands(&harness),
-        ["identify", "stop", "set rate", "start", "start"]
-    );
+    assert_eq!(commands(&harness), ["identify", "stop", "set rate", "start", "start"]);
 }
 
 #[test]

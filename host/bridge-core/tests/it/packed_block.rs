@@ -17,41 +17,22 @@ pub(crate) fn coarser_block(index: u32, seed: u32, [announced, rate]: [u8; 2]) -
     let model = model();
     let packed = model.packed().unwrap();
     let [announced, rate] = [announced, rate].map(|rate| Rate::new(rate).unwrap());
-    let header = Header {
-        rate,
-        is_reset: index.is_multiple_of(RESET_BLOCKS),
-    };
-    let levels = if header.is_reset {
-        &packed.reset_levels
-    } else {
-        &packed.predicted_levels
-    };
+    let header = Header { rate, is_reset: index.is_multiple_of(RESET_BLOCKS) };
+    let levels = if header.is_reset { &packed.reset_levels } else { &packed.predicted_levels };
     let mut contexts = vec![Context::EMPTY; levels.len()];
     packed::prepare_contexts(levels, rate, &mut contexts);
     let costs = packed.costs();
-    let tables = Tables {
-        starts: &packed.starts,
-        costs: &costs,
-    };
+    let tables = Tables { starts: &packed.starts, costs: &costs };
     let mut noise = Noise(index.wrapping_mul(0x9e37_79b9) ^ seed | 1);
     let magnitudes: Vec<Magnitude> = (0..levels.len())
         .map(|place| {
             let bits = noise.bits();
             let value = if place < 12 { bits % 3 } else { 0 };
-            Magnitude {
-                value: u16::try_from(value).unwrap(),
-                is_negative: bits & 8 != 0,
-            }
+            Magnitude { value: u16::try_from(value).unwrap(), is_negative: bits & 8 != 0 }
         })
         .collect();
     let mut bytes = [0; 300];
-    let length = packed::write_block(
-        header,
-        announced,
-        &magnitudes,
-        &contexts,
-        &tables,
-        &mut bytes,
-    );
+    let length =
+        packed::write_block(header, announced, &magnitudes, &contexts, &tables, &mut bytes);
     bytes[..length].to_vec()
 }

@@ -73,12 +73,7 @@ impl Packed {
 
     /// Creates a device on the board of `harness`. Its next block is the first of a run.
     pub(crate) fn of(harness: Harness) -> Packed {
-        Packed {
-            harness,
-            next: 0,
-            rate: 4,
-            flags: Flags::empty(),
-        }
+        Packed { harness, next: 0, rate: 4, flags: Flags::empty() }
     }
 
     /// Advances time by one hop, in which the device makes its next block. The block reaches the

@@ -27,11 +27,7 @@ fn harness(supported: Streams, low_latency: bool) -> Harness {
         low_latency,
         ..PACKED
     };
-    let board = Board {
-        supported,
-        hop_steps: 4,
-        ..Board::new()
-    };
+    let board = Board { supported, hop_steps: 4, ..Board::new() };
     Harness::connected(settings, board)
 }
 
@@ -76,18 +72,11 @@ fn events_are_shifted_by_the_delay_of_the_stream_that_is_decoded() {
         harness.code(1, false);
         let happened_us = harness.now_us + 10_000;
         harness.now_us += 20_000;
-        let event = Event {
-            kind: EventKind::TriggerRise,
-            number: 1,
-            sample: 40,
-        };
+        let event = Event { kind: EventKind::TriggerRise, number: 1, sample: 40 };
         harness.send(happened_us.unsigned_abs(), &ToHost::Event(event));
         let stamp_ns = harness.recorder.events[0].header.stamp.nanoseconds();
         let shifted_us = (stamp_ns - WALL_START_NS) / 1000 - happened_us;
-        assert!(
-            (shifted_us - expected_us).abs() <= 2,
-            "{shifted_us} {expected_us}"
-        );
+        assert!((shifted_us - expected_us).abs() <= 2, "{shifted_us} {expected_us}");
     }
 }
 
@@ -100,10 +89,7 @@ fn restart_with(harness: &mut Harness, supported: Streams) {
 
 #[test]
 fn the_time_in_which_codes_were_decoded_is_not_filled_when_packed_blocks_return() {
-    let settings = Settings {
-        low_latency: false,
-        ..PACKED
-    };
+    let settings = Settings { low_latency: false, ..PACKED };
     let mut device = Packed::new(settings);
     device.send_all(5, false);
     restart_with(&mut device.harness, NETWORK);
@@ -127,10 +113,7 @@ fn the_time_in_which_codes_were_decoded_is_not_filled_when_packed_blocks_return(
 
 #[test]
 fn the_time_in_which_packed_blocks_were_decoded_is_filled_among_codes_alone() {
-    let settings = Settings {
-        streams: Streams::CODES | Streams::PACKED,
-        ..PACKED
-    };
+    let settings = Settings { streams: Streams::CODES | Streams::PACKED, ..PACKED };
     let mut harness = Harness::connected(settings, Board::supporting(NETWORK));
     harness.codes(5, 1);
     // Now the device runs an image without the network.
@@ -208,12 +191,8 @@ fn model() -> Arc<Model> {
 /// Returns a bridge and a device that both have the model without a network.
 fn device(settings: Settings) -> Packed {
     let model = model();
-    let board = Board {
-        model_id: model.id(),
-        has_network: false,
-        supported: SUPPORTED,
-        ..Board::new()
-    };
+    let board =
+        Board { model_id: model.id(), has_network: false, supported: SUPPORTED, ..Board::new() };
     let mut harness = Harness::with_model(settings, model, board);
     harness.connect();
     Packed::of(harness)
@@ -254,10 +233,7 @@ fn a_device_that_refuses_all_streams_has_no_announcement_until_another_image_run
 
 #[test]
 fn a_refusal_is_in_the_status_beside_a_model_that_the_bridge_does_not_have() {
-    let board = Board {
-        supported: Streams::EVENTS,
-        ..Board::of_another_model()
-    };
+    let board = Board { supported: Streams::EVENTS, ..Board::of_another_model() };
     let mut harness = Harness::connected(SETTINGS, board);
     let status = harness.status("device").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Error);
@@ -281,10 +257,7 @@ fn blocks_of_a_device_without_a_network_replace_codes_with_a_warning() {
 
 #[test]
 fn audits_of_a_device_without_a_network_have_no_code_and_reach_the_decoder() {
-    let settings = Settings {
-        streams: Streams::PACKED | Streams::AUDIT,
-        ..PACKED
-    };
+    let settings = Settings { streams: Streams::PACKED | Streams::AUDIT, ..PACKED };
     let mut device = device(settings);
     device.send_all(2, false);
     let harness = &mut device.harness;

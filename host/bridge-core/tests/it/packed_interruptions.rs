@@ -9,10 +9,7 @@ use crate::packed_device::{PACKED, Packed, decode, flags, frames};
 use crate::recorder::commands;
 
 /// Settings of a bridge that corrects the signals of each block by the next block.
-const SMOOTH: Settings = Settings {
-    low_latency: false,
-    ..PACKED
-};
+const SMOOTH: Settings = Settings { low_latency: false, ..PACKED };
 
 /// Restarts the device. The restart takes `hops` hops.
 fn restart(device: &mut Packed, hops: i64) {
@@ -26,9 +23,7 @@ fn corrected(blocks: u32) -> Vec<Vec<f32>> {
     let (plain, smoothed) = decode((0..blocks).map(Some));
     let next = smoothed.into_iter().skip(1).chain([None]);
     let pairs = plain.into_iter().zip(next);
-    pairs
-        .map(|(plain, smoothed)| smoothed.unwrap_or(plain))
-        .collect()
+    pairs.map(|(plain, smoothed)| smoothed.unwrap_or(plain)).collect()
 }
 
 fn signals(frames: &[NeuroFrame]) -> Vec<&Vec<f32>> {
@@ -62,10 +57,7 @@ fn after_a_stop_all_blocks_have_frames_and_the_next_recording_starts_anew() {
     assert!(stamps_increase(&frames));
     let firsts = device.harness.recorder.blocks.iter();
     let firsts: Vec<bool> = firsts.map(|block| block.is_first).collect();
-    assert_eq!(
-        firsts,
-        [&[true][..], &[false; 4], &[true], &[false; 4]].concat()
-    );
+    assert_eq!(firsts, [&[true][..], &[false; 4], &[true], &[false; 4]].concat());
     // The prediction for the lost block starts from nothing, not from blocks of the run before.
     let (_, smoothed) = decode([None, Some(1)].into_iter());
     assert_eq!(Some(&frames[5].eeg.data), smoothed[1].as_ref());
@@ -115,12 +107,7 @@ fn a_restart_completes_the_frame_that_waits_and_fills_the_time_of_the_outage() {
     // The first block of a run has no prediction, so the decoder's state is correct at once.
     let (filler, flags) = (Flags::FILLER.bits(), flags(&frames));
     assert!(flags[5..9].iter().all(|flags| flags & filler != 0));
-    assert!(
-        flags[..5]
-            .iter()
-            .chain(&flags[9..])
-            .all(|flags| *flags == 0)
-    );
+    assert!(flags[..5].iter().chain(&flags[9..]).all(|flags| *flags == 0));
 }
 
 #[test]
@@ -136,16 +123,10 @@ fn a_gap_longer_than_the_fillers_is_counted_and_ends_at_the_next_block() {
     let (first, newest) = (&blocks[1], &blocks[blocks.len() - 1]);
     assert!(first.block.is_none() && newest.block.is_some());
     assert_eq!(first.words.flags, Flags::FILLER.bits());
-    assert_eq!(
-        (first.words.window, newest.words.window),
-        (lost - 65_536 + 1, lost + 1)
-    );
+    assert_eq!((first.words.window, newest.words.window), (lost - 65_536 + 1, lost + 1));
     assert_eq!(newest.words.lost, u64::from(lost));
     let packed = device.harness.core.summary().packed;
-    assert_eq!(
-        (packed.received, packed.lost, packed.fillers),
-        (2, u64::from(lost), 65_536)
-    );
+    assert_eq!((packed.received, packed.lost, packed.fillers), (2, u64::from(lost), 65_536));
 }
 
 #[test]
@@ -172,10 +153,7 @@ fn the_predictions_of_a_long_gap_come_to_a_standstill_until_the_next_block() {
 
 #[test]
 fn the_rate_is_set_again_after_a_reconnection_and_after_a_restart() {
-    let settings = Settings {
-        packed_rate: Some(7),
-        ..PACKED
-    };
+    let settings = Settings { packed_rate: Some(7), ..PACKED };
     let mut device = Packed::new(settings);
     let rates = |device: &Packed| {
         let commands = commands(&device.harness);

@@ -17,10 +17,7 @@ const FINE: ChannelTest = ChannelTest {
 
 /// Returns a self-test result of eight chips without faults, modified by `change`.
 fn result(change: impl FnOnce(&mut SelfTest)) -> SelfTest {
-    let chip = ChipTest {
-        id: 0x3E,
-        ..ChipTest::default()
-    };
+    let chip = ChipTest { id: 0x3E, ..ChipTest::default() };
     let mut test = SelfTest {
         fault: heapless::String::new(),
         drdy_millihertz: 512_005,
@@ -46,11 +43,7 @@ impl Harness {
         board.labels = (1..62).fold(String::new(), |all, number| format!("{all}E{number} "));
         let mut query = Query::new(request);
         query.connected(0);
-        Harness {
-            query,
-            board,
-            now_us: 0,
-        }
+        Harness { query, board, now_us: 0 }
     }
 
     /// Lets query and board exchange bytes for `us` microseconds, or until the query has a result.
@@ -114,10 +107,7 @@ fn a_device_is_identified_stopped_and_tested() {
     let mut harness = Harness::new(Request::SelfTest, Board::new());
     harness.board.streaming = true;
     assert!(harness.exchange_for(3_000_000).is_none());
-    assert_eq!(
-        harness.requested(),
-        [ToDevice::Identify, ToDevice::Stop, ToDevice::SelfTest]
-    );
+    assert_eq!(harness.requested(), [ToDevice::Identify, ToDevice::Stop, ToDevice::SelfTest]);
     assert!(!harness.board.streaming);
     // The query ignores messages that are neither an acknowledgement nor a result of a self-test.
     let stats = harness.board.stats(Streams::empty());
@@ -240,12 +230,7 @@ fn a_missing_figure_is_a_dash_in_the_table_and_null_in_json() {
     }
     let json: serde_json::Value = serde_json::to_value(&report).unwrap();
     let first = &json["channels"][0];
-    for figure in [
-        "gain_error_percent",
-        "offset_uv",
-        "noise_uv",
-        "shorted_noise_uv",
-    ] {
+    for figure in ["gain_error_percent", "offset_uv", "noise_uv", "shorted_noise_uv"] {
         assert!(first[figure].is_null(), "{figure}");
     }
     assert_eq!(first["in_order"], false);
@@ -375,9 +360,7 @@ fn a_device_that_is_identified_goes_on_streaming() {
 #[test]
 fn noise_is_ignored() {
     let mut harness = Harness::new(Request::SelfTest, Board::new());
-    let noise: Vec<u8> = (0..50_000_u32)
-        .map(|n| ((n * n) >> 3).to_le_bytes()[1])
-        .collect();
+    let noise: Vec<u8> = (0..50_000_u32).map(|n| ((n * n) >> 3).to_le_bytes()[1]).collect();
     assert!(harness.query.receive(&noise, 0).is_none());
     assert!(harness.exchange_for(2_000_000).is_none());
     assert_eq!(harness.requested().last(), Some(&ToDevice::SelfTest));

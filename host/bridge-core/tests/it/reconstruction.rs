@@ -27,20 +27,14 @@ fn window(index: u32, z: Option<Vec<f32>>) -> TimedCode {
     TimedCode {
         z,
         stamp: Stamp { secs: 1, nsecs: 0 },
-        words: TriWords {
-            window: index,
-            ..TriWords::default()
-        },
+        words: TriWords { window: index, ..TriWords::default() },
     }
 }
 
 #[test]
 fn frames_keep_the_contract_and_are_numbered() {
     let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), SETTINGS);
-    let first = reconstruction
-        .next_frame(&window(0, Some(z(0))))
-        .unwrap()
-        .clone();
+    let first = reconstruction.next_frame(&window(0, Some(z(0)))).unwrap().clone();
     let shape = Shape::from_frame(&first).unwrap();
     assert_eq!((shape.sr, shape.nsamples), (128, 8));
     assert_eq!(shape.nchannels, [61, 0, 8]);
@@ -104,11 +98,7 @@ fn a_frame_carries_the_flags_of_both_its_windows_and_that_of_a_missing_one() {
             } else {
                 reconstruction.next_times(&window)
             };
-            assert_eq!(
-                frame.unwrap().tri.data[0],
-                expected,
-                "window {index}, {decodes}"
-            );
+            assert_eq!(frame.unwrap().tri.data[0], expected, "window {index}, {decodes}");
         }
     }
 }
@@ -121,14 +111,8 @@ fn frames_hold_the_bits_of_the_crate_that_every_program_decodes_with() {
         Artifact::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../signal/model/artifact"));
     let decoder = WindowDecoder::new(&artifact.unwrap()).unwrap();
     for (hop_steps, low_latency) in [(8, false), (8, true), (16, false)] {
-        let device = device(Board {
-            hop_steps,
-            ..Board::new()
-        });
-        let settings = Settings {
-            low_latency,
-            ..SETTINGS
-        };
+        let device = device(Board { hop_steps, ..Board::new() });
+        let settings = Settings { low_latency, ..SETTINGS };
         let mut reconstruction = Reconstruction::new(&device, model(), settings);
         let mut overlap = Overlap::new(HopLayout {
             steps: usize::from(hop_steps),
@@ -157,10 +141,7 @@ fn frames_hold_the_bits_of_the_crate_that_every_program_decodes_with() {
             let source = overlap.next_hop(decoded, &mut hop).source;
             let frame = reconstruction.next_frame(&window(index, values)).unwrap();
             if source != Source::Missing {
-                assert_eq!(
-                    frame.eeg.data, hop,
-                    "{hop_steps}, {low_latency}, window {index}"
-                );
+                assert_eq!(frame.eeg.data, hop, "{hop_steps}, {low_latency}, window {index}");
             }
         }
     }

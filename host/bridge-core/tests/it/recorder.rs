@@ -103,15 +103,12 @@ impl Effects for Recorder {
 fn keep(frames: &mut Vec<NeuroFrame>, frame: &NeuroFrame) {
     let shape = Shape::from_frame(frames.first().unwrap_or(frame)).unwrap();
     shape.admit(frame).unwrap();
-    let before = frames.last().map_or((0, 0), |frame| {
-        (frame.neuroheader.seq, frame.header.stamp.nanoseconds())
-    });
+    let before = frames
+        .last()
+        .map_or((0, 0), |frame| (frame.neuroheader.seq, frame.header.stamp.nanoseconds()));
     assert_eq!(frame.neuroheader.seq, before.0 + 1);
     assert_eq!(frame.header.seq, frame.neuroheader.seq);
-    assert!(
-        frame.header.stamp.nanoseconds() > before.1,
-        "a stamp went backwards"
-    );
+    assert!(frame.header.stamp.nanoseconds() > before.1, "a stamp went backwards");
     frames.push(frame.clone());
 }
 
@@ -219,8 +216,7 @@ impl Harness {
     }
 
     pub(crate) fn receive(&mut self, bytes: &[u8]) {
-        self.core
-            .receive(bytes, at(self.now_us), &mut self.recorder);
+        self.core.receive(bytes, at(self.now_us), &mut self.recorder);
     }
 
     /// Advances time by 62.5 ms, in which the board makes a code whose values are all `value`. The
@@ -316,9 +312,7 @@ pub(crate) fn commands(harness: &Harness) -> Vec<&'static str> {
 pub(crate) fn value<'a>(status: &'a DiagnosticStatus, key: &str) -> &'a str {
     let mut values = status.values.iter();
     let found = values.find(|value| value.key == key);
-    &found
-        .unwrap_or_else(|| panic!("no {key} in {status:?}"))
-        .value
+    &found.unwrap_or_else(|| panic!("no {key} in {status:?}")).value
 }
 
 /// Returns the stamp of each frame, nanoseconds since 1970.

@@ -113,11 +113,8 @@ impl Tape {
             self.newest.1 = device_us;
             let device_s = self.runs_s[self.newest.0] + device_us as f64 * 1e-6 * self.clock_s;
             // All rows of a reconstructed frame have the words of one code or block.
-            let ahead = if stream == AnnouncedStream::Reconstructed {
-                4.0 * row as f64
-            } else {
-                0.0
-            };
+            let ahead =
+                if stream == AnnouncedStream::Reconstructed { 4.0 * row as f64 } else { 0.0 };
             rows.push(Some(device_s + (ahead - back) * self.sample_s));
         }
         for recording in &mut self.recordings {
@@ -145,26 +142,16 @@ impl Effects for Tape {
     }
 
     fn decode(&mut self, window: TimedCode) {
-        let frame = self
-            .codes
-            .as_mut()
-            .and_then(|codes| codes.next_times(&window).cloned());
+        let frame = self.codes.as_mut().and_then(|codes| codes.next_times(&window).cloned());
         // A frame has the first hop of the window, or with low latency the last one.
-        let back = if self.settings.low_latency {
-            28.0
-        } else {
-            60.0
-        };
+        let back = if self.settings.low_latency { 28.0 } else { 60.0 };
         if let Some(frame) = frame {
             self.write(AnnouncedStream::Reconstructed, &frame, back + DELAY);
         }
     }
 
     fn decode_block(&mut self, block: TimedPackedBlock) {
-        let frame = self
-            .packed
-            .as_mut()
-            .and_then(|packed| packed.next_times(&block).cloned());
+        let frame = self.packed.as_mut().and_then(|packed| packed.next_times(&block).cloned());
         if let Some(frame) = frame {
             self.write(AnnouncedStream::Reconstructed, &frame, 28.0 + DELAY);
         }
@@ -294,11 +281,7 @@ impl Rig {
                 edge_s = now_s + 0.005;
             }
             if edge_s <= now_s {
-                let edge = ToHost::Event(Event {
-                    kind: EventKind::TriggerRise,
-                    number,
-                    sample,
-                });
+                let edge = ToHost::Event(Event { kind: EventKind::TriggerRise, number, sample });
                 self.tape.edge_s = edge_s;
                 self.send(edge_s, Some(&edge), 0.0);
                 number += 1;
@@ -334,21 +317,14 @@ fn largest_errors(settings: Settings, ppm: [f64; 2], seconds: f64, loss: f64) ->
         recordings: Vec::new(),
     };
     let core = Core::new(settings, Some(model()));
-    let mut rig = Rig {
-        core,
-        board,
-        tape,
-        noise: Noise(5),
-    };
+    let mut rig = Rig { core, board, tape, noise: Noise(5) };
     rig.record(seconds, loss);
     let mut most = [0.0_f64; 2];
     assert_eq!(rig.tape.recordings.len(), 2);
     for recording in &rig.tape.recordings {
         let row_s = adc / recording.rate_hz;
         let edges = recording.edges.iter();
-        let edges: Vec<_> = edges
-            .filter(|(edge_s, _)| *edge_s < seconds - 3.0)
-            .collect();
+        let edges: Vec<_> = edges.filter(|(edge_s, _)| *edge_s < seconds - 3.0).collect();
         assert!(edges.len() as f64 > seconds / 4.0, "{} edges", edges.len());
         for (edge_s, places) in edges {
             for (most, place) in most.iter_mut().zip(places) {
@@ -401,10 +377,7 @@ fn an_edge_is_at_most_a_row_from_its_place_after_an_hour_of_any_clock() {
         ]
         .map(|(ppm, seconds, loss)| largest_errors(settings, ppm, seconds, loss));
         println!("{name}: {:.2?} rows", errors.map(|[error, _]| error));
-        assert!(
-            errors.iter().all(|[error, _]| *error <= 1.0),
-            "{name}: {errors:?}"
-        );
+        assert!(errors.iter().all(|[error, _]| *error <= 1.0), "{name}: {errors:?}");
         // With exact clocks, the stamps for others are right to half a row and the 3.5 ms by which
         // the first frame can come later than other frames.
         assert!(errors[0][1] <= 2.5, "{name}: {errors:?}");

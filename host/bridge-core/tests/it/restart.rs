@@ -31,11 +31,7 @@ impl Recording {
     fn new(settings: Settings) -> Recording {
         let harness = Harness::streaming(settings, Board::new());
         let run_us = harness.now_us;
-        Recording {
-            harness,
-            run_us,
-            hops: 0,
-        }
+        Recording { harness, run_us, hops: 0 }
     }
 
     /// Delivers all messages of one hop, each at the time at which the device made it.
@@ -102,10 +98,7 @@ fn the_time_of_a_restart_is_filled_flagged_and_counted_on_every_topic() {
     let passed = (recording.harness.now_us - start_us) as f64 / 1e6;
     for (topic, seconds) in ["codes", "raw", "filtered"].iter().zip(recording.seconds()) {
         // The last frame of samples may be unfinished, because the new run began within a frame.
-        assert!(
-            (passed - seconds).abs() < 0.0625,
-            "{topic}: {seconds} s of {passed} s"
-        );
+        assert!((passed - seconds).abs() < 0.0625, "{topic}: {seconds} s of {passed} s");
     }
     let summary = recording.harness.core.summary();
     assert_eq!((summary.received, summary.lost, summary.resets), (32, 0, 1));
@@ -156,11 +149,7 @@ fn samples_after_a_restart_stand_at_the_time_at_which_they_were_taken() {
             let before = fillers.iter().position(|filler| *filler).unwrap();
             let missing = fillers.iter().filter(|filler| **filler).count();
             assert_eq!(before as f64, 0.25 * rate);
-            assert_eq!(
-                missing as f64,
-                (outage_us as f64 * rate / 1e6).round(),
-                "{outage_us}"
-            );
+            assert_eq!(missing as f64, (outage_us as f64 * rate / 1e6).round(), "{outage_us}");
         }
     }
 }
@@ -230,10 +219,7 @@ fn a_pause_by_the_user_is_not_filled() {
     let code = harness.board.code(device_us, 1);
     harness.receive(&code);
     let summary = harness.core.summary();
-    assert_eq!(
-        (summary.between_runs, summary.lost, summary.fillers),
-        (0, 0, 0)
-    );
+    assert_eq!((summary.between_runs, summary.lost, summary.fillers), (0, 0, 0));
     assert_eq!(harness.recorder.encoded.len(), 6);
 }
 
@@ -247,11 +233,7 @@ fn a_gap_that_only_an_event_has_shown_is_not_counted_when_the_user_stops() {
     (0..4).for_each(|_| recording.hop());
     recording.restart(1_000_000);
     let harness = &mut recording.harness;
-    let edge = ToHost::Event(Event {
-        kind: EventKind::TriggerRise,
-        number: 0,
-        sample: 0,
-    });
+    let edge = ToHost::Event(Event { kind: EventKind::TriggerRise, number: 0, sample: 0 });
     harness.send(0, &edge);
     let missing = "raw samples missing between runs";
     assert_eq!(harness.figure("loss", missing), "512");
@@ -261,10 +243,7 @@ fn a_gap_that_only_an_event_has_shown_is_not_counted_when_the_user_stops() {
 
 #[test]
 fn without_fillers_a_restart_is_counted_and_nothing_is_published_for_it() {
-    let settings = Settings {
-        filler: FillerPolicy::Off,
-        ..SAMPLES
-    };
+    let settings = Settings { filler: FillerPolicy::Off, ..SAMPLES };
     let mut recording = Recording::new(settings);
     (0..4).for_each(|_| recording.hop());
     recording.restart(1_000_000);
@@ -284,10 +263,7 @@ fn a_code_that_is_lost_after_a_restart_is_counted_apart() {
     recording.harness.stats(Streams::CODES);
     recording.harness.code(1, false);
     let summary = recording.harness.core.summary();
-    assert_eq!(
-        (summary.lost, summary.between_runs, summary.fillers),
-        (1, 16, 17)
-    );
+    assert_eq!((summary.lost, summary.between_runs, summary.fillers), (1, 16, 17));
     let lost = recording.harness.recorder.encoded.last().unwrap().tri.data[6];
     assert_eq!(lost, 17);
 }

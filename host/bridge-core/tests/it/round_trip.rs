@@ -68,10 +68,7 @@ fn the_shortest_round_trip_bounds_the_delay_of_stamps() {
         }
         let asked = *clock_queries(&harness).last().unwrap();
         harness.now_us = asked.cast_signed() + 900 + longer;
-        let reading = ClockReading {
-            host_time_us: asked,
-            received_us: asked + 300,
-        };
+        let reading = ClockReading { host_time_us: asked, received_us: asked + 300 };
         harness.send(asked + 400, &ToHost::ClockReading(reading));
         harness.now_us = asked.cast_signed();
     }
@@ -145,10 +142,7 @@ fn unanswered_queries_delay_the_start_by_half_a_second_at_most() {
         let lost = harness.board.received.len();
         let answers = harness.answers();
         let queried = harness.board.received[lost..].iter();
-        if queried
-            .clone()
-            .all(|(_, command)| !matches!(command, ToDevice::SyncTime { .. }))
-        {
+        if queried.clone().all(|(_, command)| !matches!(command, ToDevice::SyncTime { .. })) {
             harness.receive(&answers);
         }
         harness.now_us += 10_000;
@@ -162,10 +156,7 @@ fn unanswered_queries_delay_the_start_by_half_a_second_at_most() {
 fn answers_without_a_query_or_with_impossible_times_are_counted() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     let send_reading = |harness: &mut Harness, host_time_us, received_us, made_us| {
-        let reading = ClockReading {
-            host_time_us,
-            received_us,
-        };
+        let reading = ClockReading { host_time_us, received_us };
         harness.send(made_us, &ToHost::ClockReading(reading));
     };
     send_reading(&mut harness, 5, 0, 0);

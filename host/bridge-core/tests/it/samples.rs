@@ -13,10 +13,7 @@ use neuro_ros::{DiagnosticLevel, NeuroFrame};
 use crate::board::{Board, WALL_START_NS};
 use crate::recorder::{Harness, SETTINGS, fillers, state, value};
 
-pub(crate) const SAMPLES: Settings = Settings {
-    streams: Streams::from_bits(0b00111),
-    ..SETTINGS
-};
+pub(crate) const SAMPLES: Settings = Settings { streams: Streams::from_bits(0b00111), ..SETTINGS };
 
 /// Scale of the board's ADC, microvolts per count, rounded to f32 as in `Capabilities`.
 const COUNT_UV: f64 = 22.351_742_f32 as f64 / 1000.0;
@@ -57,12 +54,7 @@ pub(crate) fn send_samples(harness: &mut Harness, first: u64, flags: Flags) {
 /// Delivers eight ADC samples, from sample `first` on, in a message made at `device_us`.
 pub(crate) fn send_samples_at(harness: &mut Harness, device_us: u64, first: u64, flags: Flags) {
     let counts = counts(first, 8, 64);
-    let raw = Raw {
-        first_sample: first,
-        channels: 64,
-        flags,
-        counts: &counts,
-    };
+    let raw = Raw { first_sample: first, channels: 64, flags, counts: &counts };
     harness.send(device_us, &ToHost::Raw(raw));
 }
 
@@ -99,20 +91,11 @@ fn raw_samples_become_frames_of_one_hop_with_spare_channels_in_exg() {
     for sample in 0..32 {
         let (eeg, exg) = row(frame, sample);
         let index = 32 + sample as u64;
-        assert_eq!(
-            (eeg[0], eeg[60]),
-            (microvolt(index, 0), microvolt(index, 60))
-        );
-        assert_eq!(
-            (exg[0], exg[2]),
-            (microvolt(index, 61), microvolt(index, 63))
-        );
+        assert_eq!((eeg[0], eeg[60]), (microvolt(index, 0), microvolt(index, 60)));
+        assert_eq!((exg[0], exg[2]), (microvolt(index, 61), microvolt(index, 63)));
         let words = &frame.tri.data[sample * 8..][..8];
         let us = i64::from(words[3]) | i64::from(words[4]) << 16 | i64::from(words[5]) << 32;
-        assert!(
-            (us - time(index).cast_signed()).abs() <= 1,
-            "sample {index}: {us}"
-        );
+        assert!((us - time(index).cast_signed()).abs() <= 1, "sample {index}: {us}");
         assert_eq!((words[0], words[1], words[6], words[7]), (0, 1, 0, 0));
     }
 }
@@ -134,15 +117,11 @@ fn the_delay_of_the_filters_is_removed_from_stamps_of_steps_only() {
                 steps(&mut harness, (message - 1) * 2, 61, 5);
             }
         }
-        for (frame, expected) in [
-            (&harness.recorder.raw[1], raw_us),
-            (&harness.recorder.filtered[1], filtered_us),
-        ] {
+        for (frame, expected) in
+            [(&harness.recorder.raw[1], raw_us), (&harness.recorder.filtered[1], filtered_us)]
+        {
             let since = frame.header.stamp.nanoseconds() - WALL_START_NS - 2_000_000_000;
-            assert!(
-                (since / 1000 - expected).abs() <= 2,
-                "{stamp:?}: {since} ns"
-            );
+            assert!((since / 1000 - expected).abs() <= 2, "{stamp:?}: {since} ns");
         }
     }
 }
@@ -207,10 +186,7 @@ fn steps_are_clamped_to_the_announced_range() {
 
 #[test]
 fn lost_samples_are_filled_flagged_and_counted() {
-    for (filler, held) in [
-        (FillerPolicy::Last, microvolt(39, 0)),
-        (FillerPolicy::Zeros, 0.0),
-    ] {
+    for (filler, held) in [(FillerPolicy::Last, microvolt(39, 0)), (FillerPolicy::Zeros, 0.0)] {
         let mut harness = harness(Settings { filler, ..SAMPLES });
         for first in (0..40).chain(56..96).step_by(8) {
             send_samples(&mut harness, first, Flags::empty());
@@ -224,10 +200,7 @@ fn lost_samples_are_filled_flagged_and_counted() {
             assert_eq!(flags & 0x8000 != 0, lost, "sample {index}");
             let expected = if lost { held } else { microvolt(index, 0) };
             assert_eq!(row(frame, sample).0[0], expected, "sample {index}");
-            assert_eq!(
-                frame.tri.data[sample * 8 + 6],
-                if index < 40 { 0 } else { 16 }
-            );
+            assert_eq!(frame.tri.data[sample * 8 + 6], if index < 40 { 0 } else { 16 });
         }
         let status = harness.status("loss").unwrap();
         let missing = "16 raw samples missing since the last report";
@@ -240,15 +213,8 @@ fn lost_samples_are_filled_flagged_and_counted() {
 
 #[test]
 fn without_fillers_a_frame_with_a_lost_sample_is_not_published() {
-    let mut harness = harness(Settings {
-        filler: FillerPolicy::Off,
-        ..SAMPLES
-    });
-    for first in (0..40)
-        .chain(56..32_000)
-        .step_by(8)
-        .chain([96_000, 96_008, 96_016, 96_024])
-    {
+    let mut harness = harness(Settings { filler: FillerPolicy::Off, ..SAMPLES });
+    for first in (0..40).chain(56..32_000).step_by(8).chain([96_000, 96_008, 96_016, 96_024]) {
         if !(512..9_600).contains(&first) {
             send_samples(&mut harness, first, Flags::empty());
         }

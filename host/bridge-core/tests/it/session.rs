@@ -85,11 +85,7 @@ fn a_thousand_outages_are_counted_exactly_and_filled() {
     // After the bridge's first commands, a reconnection does not stop its own stream.
     let mut sent = commands(&harness);
     sent.retain(|name| *name != "sync time");
-    assert!(
-        sent[3..]
-            .chunks(2)
-            .all(|pair| pair == ["identify", "start"])
-    );
+    assert!(sent[3..].chunks(2).all(|pair| pair == ["identify", "start"]));
     let summary = harness.core.summary();
     assert_eq!((summary.received, summary.lost), (received, lost));
     assert_eq!(summary.fillers, lost);

@@ -21,10 +21,7 @@ fn starts(harness: &Harness) -> Vec<u16> {
 }
 
 fn harness(streams: Streams, supported: Streams) -> Harness {
-    let settings = Settings {
-        streams,
-        ..SETTINGS
-    };
+    let settings = Settings { streams, ..SETTINGS };
     Harness::connected(settings, Board::supporting(supported))
 }
 
@@ -48,10 +45,7 @@ fn the_device_is_asked_for_the_chosen_streams_and_for_codes_unless_for_packed_bl
 
 #[test]
 fn an_older_device_is_asked_for_codes_alone_without_a_warning() {
-    let mut harness = harness(
-        Streams::CODES | Streams::AUDIT | Streams::EVENTS,
-        Streams::CODES,
-    );
+    let mut harness = harness(Streams::CODES | Streams::AUDIT | Streams::EVENTS, Streams::CODES);
     assert_eq!(starts(&harness), [0b11001, 1]);
     harness.code(1, false);
     assert_eq!(harness.core.summary().received, 1);
@@ -107,10 +101,7 @@ fn packed_blocks_are_asked_for_without_the_network_and_codes_in_their_place() {
     assert_has(&status.message, ["does not stream packed"]);
     assert_eq!(network.recorder.windows.len(), 1, "codes are decoded");
     // The oldest firmware has no stream but codes.
-    assert_eq!(
-        starts(&harness(wanted, Streams::CODES)),
-        [0b101_1000, 0b001_1001, 1]
-    );
+    assert_eq!(starts(&harness(wanted, Streams::CODES)), [0b101_1000, 0b001_1001, 1]);
 }
 
 #[test]
@@ -118,10 +109,7 @@ fn a_device_without_packed_blocks_still_streams_the_samples_that_are_wanted() {
     let wanted = Streams::PACKED | RawForm::Any.streams();
     // A device whose image has the network but no packed code, on a USB port.
     let usb = harness(wanted, EVERYTHING);
-    assert_eq!(
-        starts(&usb),
-        [0b100_0010, 0b110_0000, 0b100_0000, 0b000_0011]
-    );
+    assert_eq!(starts(&usb), [0b100_0010, 0b110_0000, 0b100_0000, 0b000_0011]);
     // The same device on a UART, which is too slow for plain samples.
     let uart = harness(wanted, EVERYTHING.without(Streams::RAW));
     assert_eq!(starts(&uart).last(), Some(&0b010_0001));
@@ -141,10 +129,7 @@ fn refused_samples_are_a_warning_and_the_other_streams_still_start() {
 
     let supported = Streams::CODES | Streams::AUDIT | Streams::EVENTS;
     let mut harness = harness(EVERYTHING, supported);
-    assert_eq!(
-        starts(&harness),
-        [0b01_1111, 0b11_1101, 0b01_1101, 0b01_1001]
-    );
+    assert_eq!(starts(&harness), [0b01_1111, 0b11_1101, 0b01_1101, 0b01_1001]);
     harness.code(1, false);
     let status = harness.status("device").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Warn);
@@ -170,11 +155,7 @@ fn every_stream_can_be_announced() {
         (AnnouncedStream::Raw, [61, 3, 8], 512, 32),
         (AnnouncedStream::Filtered, [61, 0, 8], 128, 8),
     ] {
-        let settings = Settings {
-            announced,
-            streams: EVERYTHING,
-            ..SETTINGS
-        };
+        let settings = Settings { announced, streams: EVERYTHING, ..SETTINGS };
         let harness = Harness::streaming(settings, Board::new());
         let shape = harness.recorder.announced[0].info.as_ref().unwrap().shape();
         assert_eq!(

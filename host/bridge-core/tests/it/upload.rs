@@ -6,16 +6,11 @@ use link::{ModelBegin, Streams};
 use crate::board::{BUILT_IN, Board, model};
 use crate::recorder::{Harness, SETTINGS, commands, value};
 
-const PACKED: Settings = Settings {
-    streams: Streams::PACKED,
-    ..SETTINGS
-};
+const PACKED: Settings = Settings { streams: Streams::PACKED, ..SETTINGS };
 
 /// Content of the uploaded model, which the bridge does not interpret: three chunks.
 fn content() -> Vec<u8> {
-    (0..3000_u32)
-        .map(|byte| (byte * 31 % 251).to_le_bytes()[0])
-        .collect()
+    (0..3000_u32).map(|byte| (byte * 31 % 251).to_le_bytes()[0]).collect()
 }
 
 /// Creates a harness, not connected yet, whose core has a model to upload to the board.
@@ -35,13 +30,7 @@ fn uploaded(harness: &Harness) -> &[u8] {
     &harness.board.slot.as_ref().unwrap().1
 }
 
-const UPLOAD: [&str; 5] = [
-    "model begin",
-    "model chunk",
-    "model chunk",
-    "model chunk",
-    "model end",
-];
+const UPLOAD: [&str; 5] = ["model begin", "model chunk", "model chunk", "model chunk", "model end"];
 
 #[test]
 fn a_device_with_another_model_gets_it_before_it_streams_and_after_each_restart() {
@@ -53,11 +42,7 @@ fn a_device_with_another_model_gets_it_before_it_streams_and_after_each_restart(
     assert_eq!(harness.core.objection(), None);
     let id = artifact::ModelId(model().id()).to_string();
     assert_eq!(value(&harness.status("device").unwrap(), "model"), id);
-    assert_eq!(
-        harness.core.summary().resets,
-        0,
-        "a new model is no restart"
-    );
+    assert_eq!(harness.core.summary().resets, 0, "a new model is no restart");
 
     harness.board.received.clear();
     harness.reboot(1_000_000);
@@ -95,14 +80,7 @@ fn an_upload_goes_on_where_a_lost_connection_has_ended_it() {
     harness.recorder.sent.clear();
     harness.board.received.clear();
     harness.connect();
-    let rest = [
-        "identify",
-        "model begin",
-        "model chunk",
-        "model chunk",
-        "model end",
-        "start",
-    ];
+    let rest = ["identify", "model begin", "model chunk", "model chunk", "model end", "start"];
     assert_eq!(commands(&harness), rest);
     assert_eq!(uploaded(&harness), content());
 }
@@ -171,10 +149,7 @@ fn a_model_that_the_device_finds_unsound_is_sent_three_times_and_again_after_a_r
 
 #[test]
 fn a_device_that_refuses_the_model_after_a_restart_streams_its_own() {
-    let settings = Settings {
-        streams: Streams::CODES,
-        ..PACKED
-    };
+    let settings = Settings { streams: Streams::CODES, ..PACKED };
     let mut harness = uploading_with(settings, Board::with_slot());
     harness.connect();
     assert_eq!(harness.core.objection(), None);
@@ -227,14 +202,8 @@ fn a_device_is_asked_for_a_slot_at_each_start_and_does_not_stream_without_one() 
 
 #[test]
 fn no_model_is_sent_to_a_device_that_has_it_or_has_other_electrodes() {
-    let has_it = Board {
-        model_id: model().id(),
-        ..Board::with_slot()
-    };
-    let other = Board {
-        labels: Board::new().labels.replace("Cz", "Xy"),
-        ..Board::with_slot()
-    };
+    let has_it = Board { model_id: model().id(), ..Board::with_slot() };
+    let other = Board { labels: Board::new().labels.replace("Cz", "Xy"), ..Board::with_slot() };
     for board in [has_it, other] {
         let mut harness = uploading(board);
         harness.connect();

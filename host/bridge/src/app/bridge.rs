@@ -113,10 +113,7 @@ impl Publication {
             return Err(BridgeError::NoClassifier);
         }
         let of_model = || model.packed().map(|packed| packed.description.rate);
-        Ok(Settings {
-            packed_rate: settings.packed_rate.or_else(of_model),
-            ..settings
-        })
+        Ok(Settings { packed_rate: settings.packed_rate.or_else(of_model), ..settings })
     }
 
     /// Returns the core with the user's exclusions, impedance measurement, upload and classifier.
@@ -154,11 +151,7 @@ impl Publication {
         let view = page.map(|page| page.start(&run)).transpose()?;
         let ros = self.start_ros(&run, log).await?;
         let feed = connect(&ros.ros.node, &run.namespace).await?;
-        let parts = Parts {
-            ros: Some(ros),
-            view,
-            ..Parts::default()
-        };
+        let parts = Parts { ros: Some(ros), view, ..Parts::default() };
         self.stream(run, feed, parts).await
     }
 
@@ -173,10 +166,7 @@ impl Publication {
         page: LivePage,
     ) -> Result<FinalCounts, BridgeError> {
         let run = self.prepare()?;
-        let parts = Parts {
-            view: Some(page.start(&run)?),
-            ..Parts::default()
-        };
+        let parts = Parts { view: Some(page.start(&run)?), ..Parts::default() };
         self.stream(run, feed, parts).await
     }
 
@@ -235,13 +225,7 @@ impl Publication {
         feed: F,
         parts: Parts,
     ) -> Result<FinalCounts, BridgeError> {
-        let Parts {
-            ros,
-            ros2,
-            lines,
-            view,
-            lsl,
-        } = parts;
+        let Parts { ros, ros2, lines, view, lsl } = parts;
         let has_ros = ros.is_some() || ros2.is_some();
         let announcements = has_ros.then_some(run.announcements);
         let (ros, recorders) = ros.map(|parts| (parts.ros, parts.recorders)).unzip();
@@ -263,11 +247,7 @@ impl Publication {
         let commands = (run.commands, run.page);
         let bridge = Bridge::new(core, feed, commands, outlets, self.exit_at_end);
         let (counts, has_ended, outcome) = bridge.run_to_end(&mut run.shutdown).await;
-        let timeout = if has_ended {
-            END_TIMEOUT
-        } else {
-            DRAIN_TIMEOUT
-        };
+        let timeout = if has_ended { END_TIMEOUT } else { DRAIN_TIMEOUT };
         let written = lines.map_or(Ok(()), |lines| lines.finish(timeout));
         if let Some(ros) = ros {
             ros.shutdown().await;
@@ -389,10 +369,7 @@ pub(super) async fn stream(
     let lsl = if has(SinkKind::Lsl) {
         let library = Library::load(options.lsl.liblsl.as_deref())?;
         tracing::info!("{}", library.description());
-        let named = lsl::LslOptions {
-            name: options.lsl.lsl_name,
-            stamp: settings.stamp,
-        };
+        let named = lsl::LslOptions { name: options.lsl.lsl_name, stamp: settings.stamp };
         Some(Lsl::start(library, named)?)
     } else {
         None
@@ -400,11 +377,7 @@ pub(super) async fn stream(
     let page = has(SinkKind::View).then(|| LivePage::new("corticode-bridge", options.viewing));
     let view = page.map(|page| page.start(&run)).transpose()?;
     let [log, log2] = rosout::split(log);
-    let ros = if has(SinkKind::Ros) {
-        Some(publication.start_ros(&run, log).await?)
-    } else {
-        None
-    };
+    let ros = if has(SinkKind::Ros) { Some(publication.start_ros(&run, log).await?) } else { None };
     let ros2 = if has(SinkKind::Ros2) {
         let commands = run.command_sender.clone();
         let outlet = Ros2Outlet::start(&publication.ros, &options.ros2, &run.namespace, commands)?;
@@ -414,18 +387,9 @@ pub(super) async fn stream(
     } else {
         None
     };
-    let lines = if has(SinkKind::Ndjson) {
-        Some(NdjsonWriter::start(WholeLines::stdout()?))
-    } else {
-        None
-    };
-    let parts = Parts {
-        ros,
-        ros2,
-        lines,
-        view,
-        lsl,
-    };
+    let lines =
+        if has(SinkKind::Ndjson) { Some(NdjsonWriter::start(WholeLines::stdout()?)) } else { None };
+    let parts = Parts { ros, ros2, lines, view, lsl };
     publication.stream(run, connection, parts).await
 }
 

@@ -21,11 +21,7 @@ const READ_AFTER: Duration = Duration::from_secs(30);
 pub(crate) fn open(url: &str) -> io::Result<()> {
     let file = redirection(url)?;
     let mut browser = Command::new("xdg-open");
-    browser
-        .arg(file.path())
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(Stdio::null());
+    browser.arg(file.path()).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     let mut browser = browser.spawn()?;
     std::thread::spawn(move || {
         let _ = browser.wait();
@@ -42,10 +38,7 @@ fn redirection(url: &str) -> io::Result<NamedTempFile> {
         .suffix(".html")
         .permissions(Permissions::from_mode(0o600))
         .tempfile()?;
-    write!(
-        file,
-        "<!doctype html>\n<meta http-equiv=\"refresh\" content=\"0; url={url}\">\n"
-    )?;
+    write!(file, "<!doctype html>\n<meta http-equiv=\"refresh\" content=\"0; url={url}\">\n")?;
     file.flush()?;
     Ok(file)
 }

@@ -113,9 +113,7 @@ pub(super) async fn calibrate(options: CalibrateOptions) -> Result<Calibrated, B
     let fitting = move || {
         let mut report = |text: &str| tracing::debug!("{text}");
         let personal = PersonalModel::new(&signal, &base.description, &other, weight, &mut report)?;
-        let code = numbers
-            .then(|| PersonalCode::new(&signal, &base))
-            .transpose()?;
+        let code = numbers.then(|| PersonalCode::new(&signal, &base)).transpose()?;
         Ok((base, personal, code))
     };
     let (base, mut personal, code) = working("fitting the model", fitting, &mut shutdown).await?;
@@ -130,14 +128,8 @@ pub(super) async fn calibrate(options: CalibrateOptions) -> Result<Calibrated, B
     let artifact = network.with_packed(Some(personal.model.clone()));
     let artifact = artifact.map_err(BridgeError::Model)?;
     let folder = new_model.write(&artifact)?;
-    let calibrated = Calibrated {
-        personal,
-        code_errors,
-        id: artifact.id,
-        other: id,
-        folder,
-        usage,
-    };
+    let calibrated =
+        Calibrated { personal, code_errors, id: artifact.id, other: id, folder, usage };
     calibrated.warn_if_worse();
     if options.recording.is_empty()
         && let Err(error) = give(&options.at, &artifact, &mut shutdown).await
@@ -300,10 +292,7 @@ async fn give(
     let model = Arc::new(Model::new(artifact).map_err(BridgeError::Model)?);
     let bytes = model_gen::upload(artifact).map_err(BridgeError::Upload)?;
     let bytes = bytes.ok_or(BridgeError::NothingToCalibrate(artifact.id))?;
-    let settings = Settings {
-        streams: Streams::PACKED,
-        ..Settings::default()
-    };
+    let settings = Settings { streams: Streams::PACKED, ..Settings::default() };
     let mut core = Core::new(settings, Some(model));
     core.set_upload(Upload::new(artifact.id.0, bytes.into()));
     let mut driver = Driver::new(core, Connection::new(at.port.clone(), at.baud));
@@ -316,9 +305,7 @@ async fn give(
         BridgeError::Interrupted => BridgeError::InterruptedUpload,
         error => error,
     })?;
-    let device = port
-        .device
-        .filter(|device| device.model_id == artifact.id.0);
+    let device = port.device.filter(|device| device.model_id == artifact.id.0);
     device.map(|_| ()).ok_or(BridgeError::NotGiven)
 }
 
@@ -469,9 +456,7 @@ impl Calibrated {
 
 impl fmt::Display for Calibrated {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let PersonalModel {
-            own, other, power, ..
-        } = &self.personal;
+        let PersonalModel { own, other, power, .. } = &self.personal;
         let prd = |mse: f64| format!("{:.1} %", 100.0 * (mse / power).sqrt());
         writeln!(
             f,
@@ -485,19 +470,14 @@ impl fmt::Display for Calibrated {
             writeln!(f, "{rate:>4} {bits:>17.1} {own:>8} {other:>25}")?;
         }
         let mut streams = " --streams packed";
-        if let Some([own, other]) = self
-            .code_errors
-            .map(|errors| errors.map(|prd| format!("{prd:.1} %")))
+        if let Some([own, other]) =
+            self.code_errors.map(|errors| errors.map(|prd| format!("{prd:.1} %")))
         {
             writeln!(f, "numbers of /encoded {own:>11} {other:>25}")?;
             streams = "";
         }
         let folder = self.folder.display();
         writeln!(f, "model {} is in {folder}", self.id)?;
-        writeln!(
-            f,
-            "to stream with it: corticode-bridge {}{streams}",
-            self.usage
-        )
+        writeln!(f, "to stream with it: corticode-bridge {}{streams}", self.usage)
     }
 }

@@ -53,11 +53,7 @@ pub struct Classifying {
 impl ClassifierOptions {
     /// Returns `streams`, with the stream of features added if the user names a classifier.
     pub fn streams(&self, streams: Streams) -> Streams {
-        if self.classifier.is_some() {
-            streams | Streams::FEATURES
-        } else {
-            streams
-        }
+        if self.classifier.is_some() { streams | Streams::FEATURES } else { streams }
     }
 
     /// Reads the classifier's file; `None` if the option names none.
@@ -93,9 +89,6 @@ impl PredictionOptions {
             let hops = (seconds * hops_per_s).round().max(1.0) as u32;
             classifier.decision.window_hops = hops;
         }
-        Classifying {
-            classifier,
-            topic: self.prediction_topic.clone(),
-        }
+        Classifying { classifier, topic: self.prediction_topic.clone() }
     }
 }

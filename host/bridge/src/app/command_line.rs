@@ -272,11 +272,7 @@ pub(crate) struct ResetOptions {
 
 impl ResetOptions {
     pub(crate) fn target(&self) -> ResetInto {
-        if self.bootloader {
-            ResetInto::Bootloader
-        } else {
-            ResetInto::Firmware
-        }
+        if self.bootloader { ResetInto::Bootloader } else { ResetInto::Firmware }
     }
 }
 

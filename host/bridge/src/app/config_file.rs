@@ -93,12 +93,7 @@ fn parse(text: &str) -> Result<Vec<(String, String)>, ConfigError> {
         };
         let Some(text) = to_text(option, value.get_ref()) else {
             let (expected, found) = (expected_type(option), value.get_ref().type_str());
-            return Err(ConfigError::Type {
-                line,
-                key,
-                expected,
-                found,
-            });
+            return Err(ConfigError::Type { line, key, expected, found });
         };
         let argument = to_flag(&key, &text);
         if let Err(message) = check(option, &argument) {
@@ -243,18 +238,9 @@ mod tests {
                 "baud = 9600\n\nprot = \"x\"",
                 "line 3: the key prot is not known; known are port, baud, ros_master_uri",
             ),
-            (
-                "[bridge]\nbaud = 9600",
-                "line 1: the key bridge is not known",
-            ),
-            (
-                "baud = \"fast\"",
-                "line 1: baud is of type string, and must be an integer",
-            ),
-            (
-                "port = 5",
-                "line 1: port is of type integer, and must be a string",
-            ),
+            ("[bridge]\nbaud = 9600", "line 1: the key bridge is not known"),
+            ("baud = \"fast\"", "line 1: baud is of type string, and must be an integer"),
+            ("port = 5", "line 1: port is of type integer, and must be a string"),
             ("streams = [1]", "must be a string or an array of strings"),
             ("low_latency = 1", "must be true or false"),
             ("mains = 55", "line 1: mains: invalid value '55'"),

@@ -56,11 +56,7 @@ pub(super) fn convert(options: &ConvertOptions) -> Result<ConvertSummary, Bridge
         file: options.file.clone(),
         to: options.to,
         force: options.force,
-        classifier: options
-            .classifier
-            .as_deref()
-            .map(read_classifier)
-            .transpose()?,
+        classifier: options.classifier.as_deref().map(read_classifier).transpose()?,
     };
     Ok(capture::convert(&conversion, model, with_progress)?)
 }

@@ -44,17 +44,12 @@ pub(super) async fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Repor
     let (place, address) = locate(&options.at.port, &root);
     let programs = root.programs();
     let is_modem_manager = |program: &Program| program.name == "ModemManager";
-    let mut checks = check_port(&PortFacts {
-        place,
-        modem_manager: programs.iter().any(is_modem_manager),
-    });
+    let mut checks =
+        check_port(&PortFacts { place, modem_manager: programs.iter().any(is_modem_manager) });
     if let Some(address) = address {
         let can_open = checks.iter().all(|check| check.level != Level::Error);
-        let answer = if can_open {
-            ask(&address, options.at.baud).await
-        } else {
-            DeviceAnswer::NotAsked
-        };
+        let answer =
+            if can_open { ask(&address, options.at.baud).await } else { DeviceAnswer::NotAsked };
         let model = Model::read(options.model.as_deref());
         let model = model.map_err(|error| format!("the model cannot be read: {error}"));
         checks.extend(check_device(&answer, &address.to_string(), &model));
@@ -124,9 +119,7 @@ fn locate(address: &PortAddress, root: &SystemRoot) -> (PortPlace, Option<PortAd
 fn usb_port(path: &Path, root: &SystemRoot) -> UsbPort {
     let target = path.canonicalize().ok();
     let ports = root.serial_ports();
-    let port = ports
-        .iter()
-        .find(|port| port.path.canonicalize().ok() == target);
+    let port = ports.iter().find(|port| port.path.canonicalize().ok() == target);
     match port {
         Some(port) if port.likeness() == Likeness::Board => {
             let is_installed = RULE_FILES.iter().any(|file| root.path(file).exists());
@@ -217,11 +210,7 @@ async fn master_state(
     node: &str,
     streams: Streams,
 ) -> Result<MasterState, CallError> {
-    let node = if node.starts_with('/') {
-        node.to_owned()
-    } else {
-        namespace.resolve(node)
-    };
+    let node = if node.starts_with('/') { node.to_owned() } else { namespace.resolve(node) };
     let caller = Value::from("/corticode_doctor");
     let state = call_ros(uri, "getSystemState", std::slice::from_ref(&caller)).await?;
     let state = SystemState::from_value(&state);
@@ -229,9 +218,7 @@ async fn master_state(
     let published = published.filter(|(_, stream)| stream.is_in(streams));
     let publishers = published.map(|(topic, _)| {
         let topic = namespace.resolve(topic.trim_start_matches('/'));
-        let nodes = state
-            .as_ref()
-            .map(|state| state.publishers(&topic).to_vec());
+        let nodes = state.as_ref().map(|state| state.publishers(&topic).to_vec());
         (topic, nodes.unwrap_or_default())
     });
     // The master answers with an error if the node is not registered or the parameter is not set.
@@ -276,10 +263,7 @@ mod tests {
         let fault = || {
             let (place, address) = locate(&PortAddress::Auto(None), &root);
             assert_eq!(address, None);
-            let mut checks = check_port(&PortFacts {
-                place,
-                modem_manager: true,
-            });
+            let mut checks = check_port(&PortFacts { place, modem_manager: true });
             assert_eq!((checks.len(), checks[0].level), (1, Level::Error));
             let check = checks.remove(0);
             format!("{}; {}", check.finding, check.remedy.unwrap())

@@ -138,7 +138,6 @@ impl<F: Feed> Driver<F> {
     /// Returns whether [`Self::end`] was called and the program need no longer wait for the device.
     pub(crate) fn has_ended(&self) -> bool {
         let is_done = !self.connection.is_open() || self.core.is_stopped();
-        self.deadline
-            .is_some_and(|deadline| is_done || Instant::now() >= deadline)
+        self.deadline.is_some_and(|deadline| is_done || Instant::now() >= deadline)
     }
 }

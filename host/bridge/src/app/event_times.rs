@@ -14,10 +14,7 @@ pub(crate) struct EventTimes<S> {
 
 impl<S: Sink<NeuroEvent>> EventTimes<S> {
     pub(crate) fn new(sink: S) -> EventTimes<S> {
-        EventTimes {
-            sink,
-            event: NeuroEvent::default(),
-        }
+        EventTimes { sink, event: NeuroEvent::default() }
     }
 
     /// Publishes an event with the device time `device_us`, in microseconds. If that is `None`, the

@@ -39,11 +39,7 @@ impl GivenOptions {
                 matches: of.clone(),
                 has_subcommand: true,
             },
-            None => GivenOptions {
-                known: ids(&command),
-                matches,
-                has_subcommand: false,
-            },
+            None => GivenOptions { known: ids(&command), matches, has_subcommand: false },
         })
     }
 
@@ -78,10 +74,7 @@ impl GivenOptions {
     /// Returns whether the command line or the environment sets the option with identifier `id`.
     pub(crate) fn is_set(&self, id: &str) -> bool {
         let source = self.matches.value_source(id);
-        matches!(
-            source,
-            Some(ValueSource::CommandLine | ValueSource::EnvVariable)
-        )
+        matches!(source, Some(ValueSource::CommandLine | ValueSource::EnvVariable))
     }
 
     /// Returns `arguments` with the options `others` inserted after the names of the program and

@@ -29,12 +29,7 @@ pub(crate) struct ImpedanceOptions {
     #[command(flatten)]
     pub(crate) at: PortOptions,
     /// Resistance in series with each electrode on the board, ohms, which is subtracted
-    #[arg(
-        long,
-        env = "CORTICODE_SERIES_OHMS",
-        value_name = "OHMS",
-        default_value_t = 0
-    )]
+    #[arg(long, env = "CORTICODE_SERIES_OHMS", value_name = "OHMS", default_value_t = 0)]
     series_ohms: u32,
     /// End after this many measurements
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u32).range(1..))]
@@ -113,22 +108,11 @@ struct View {
 
 impl View {
     fn new(json: bool) -> Self {
-        let table = if json {
-            ProgressBar::hidden()
-        } else {
-            ProgressBar::new_spinner()
-        };
+        let table = if json { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
         table.set_style(ProgressStyle::with_template("{msg}").expect("the template is correct"));
         table.set_message("waiting for the first measurement");
         table.enable_steady_tick(Core::TICK);
-        Self {
-            outgoing: Vec::new(),
-            json,
-            table,
-            newest: None,
-            measurements: 0,
-            failure: None,
-        }
+        Self { outgoing: Vec::new(), json, table, newest: None, measurements: 0, failure: None }
     }
 }
 

@@ -81,10 +81,7 @@ impl Ended {
     pub(crate) fn finish(self) -> Result<String, String> {
         let finished = self.file.finish().map_err(|error| {
             let why = causes(&error);
-            format!(
-                "the end of the recording is not on the disk: {why}; {}",
-                self.summary
-            )
+            format!("the end of the recording is not on the disk: {why}; {}", self.summary)
         });
         let level = match &finished {
             Err(_) => DiagnosticLevel::Error,
@@ -289,10 +286,7 @@ impl LiveRecording {
                     let message = "the disk is too slow: a part of the recording is lost";
                     (DiagnosticLevel::Warn, message.to_owned())
                 } else {
-                    (
-                        DiagnosticLevel::Ok,
-                        format!("recording {}", name(&active.path)),
-                    )
+                    (DiagnosticLevel::Ok, format!("recording {}", name(&active.path)))
                 }
             }
             (None, Some((level, message))) => (*level, message.clone()),

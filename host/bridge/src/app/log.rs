@@ -46,11 +46,7 @@ pub fn start(ros: &NodeOptions, level: &str) -> Result<Receiver<Log>, BridgeErro
         // Without this, a closed stderr is reported with `eprintln!`, which panics.
         .log_internal_errors(false)
         .with_writer(writer);
-    tracing_subscriber::registry()
-        .with(filter)
-        .with(written)
-        .with(rosout)
-        .init();
+    tracing_subscriber::registry().with(filter).with(written).with(rosout).init();
     Ok(lines)
 }
 

@@ -44,18 +44,13 @@ pub(crate) fn pages(options: &ManOptions, command: Command) -> Result<Vec<u8>, B
         }
         Ok(())
     };
-    written().map_err(|source| NewFileError::Create {
-        path: folder.clone(),
-        source,
-    })?;
+    written().map_err(|source| NewFileError::Create { path: folder.clone(), source })?;
     Ok(Vec::new())
 }
 
 fn page_of(command: &Command) -> Man {
     let program = concat!("corticode-bridge ", env!("CARGO_PKG_VERSION"));
-    Man::new(command.clone())
-        .source(program)
-        .manual("Corticode")
+    Man::new(command.clone()).source(program).manual("Corticode")
 }
 
 /// Print the script that completes options and subcommands in a shell.

@@ -46,10 +46,7 @@ pub(crate) async fn run(options: &MasterOptions) -> Result<(), BridgeError> {
     let master = Master::start(address).await;
     let master = master.map_err(|source| BridgeError::MasterAddress(address, source))?;
     tracing::info!("ROS master at {}", master.uri());
-    tracing::info!(
-        "for each terminal with ROS programs: export ROS_MASTER_URI={}",
-        master.uri()
-    );
+    tracing::info!("for each terminal with ROS programs: export ROS_MASTER_URI={}", master.uri());
     if address.ip().is_unspecified() {
         tracing::info!(
             "on other machines, with the IP addresses of this machine and of the other one: \

@@ -20,11 +20,7 @@ pub(crate) struct Outlet {
 
 impl Outlet {
     pub(crate) fn new(kind: SinkKind) -> Arc<Outlet> {
-        Arc::new(Outlet {
-            kind,
-            dropped: AtomicU64::new(0),
-            closed: AtomicBool::new(false),
-        })
+        Arc::new(Outlet { kind, dropped: AtomicU64::new(0), closed: AtomicBool::new(false) })
     }
 
     pub(crate) const fn kind(&self) -> SinkKind {
@@ -111,11 +107,7 @@ impl<M> Tee<M> {
     }
 
     pub(crate) fn add(&mut self, outlet: &Arc<Outlet>, sink: Box<dyn Sink<M>>) {
-        self.ends.push(End {
-            sink,
-            drops: DropCount::new(Arc::clone(outlet)),
-            closed: false,
-        });
+        self.ends.push(End { sink, drops: DropCount::new(Arc::clone(outlet)), closed: false });
     }
 }
 
@@ -184,11 +176,7 @@ mod tests {
         let outlets = [SinkKind::Ros, SinkKind::Ndjson].map(Outlet::new);
         let mut tee = Tee::new();
         for ((room, fails_at), outlet) in sinks.into_iter().zip(&outlets) {
-            let sink = Bounded {
-                room,
-                fails_at,
-                published: 0,
-            };
+            let sink = Bounded { room, fails_at, published: 0 };
             tee.add(outlet, Box::new(sink));
         }
         (tee, outlets)

@@ -96,14 +96,7 @@ impl Outlets {
     pub(crate) fn finish(self) -> (DecoderCounts, Vec<OutletCount>) {
         let dropped = self.sinks.encoded.dropped();
         let not_decoded = self.sinks.decoder.counts().not_decoded;
-        let Sinks {
-            decoder,
-            outlets,
-            view,
-            lsl,
-            ros2,
-            ..
-        } = self.sinks;
+        let Sinks { decoder, outlets, view, lsl, ros2, .. } = self.sinks;
         let counts = decoder.finish(DECODER_TIMEOUT);
         self.recording.finish(HostTime::now());
         if let Some(lsl) = lsl {
@@ -159,17 +152,11 @@ impl Outlets {
         let decoder = sinks.decoder.counts();
         let figures = [
             ("encoded frames dropped", Some(sinks.encoded.dropped())),
-            (
-                "reconstructed frames dropped",
-                Some(sinks.decoder.dropped()),
-            ),
+            ("reconstructed frames dropped", Some(sinks.decoder.dropped())),
             ("windows not decoded", Some(decoder.not_decoded)),
             ("raw frames dropped", dropped(&sinks.raw)),
             ("filtered frames dropped", dropped(&sinks.filtered)),
-            (
-                "predictions dropped",
-                sinks.predictions.as_ref().map(Sink::dropped),
-            ),
+            ("predictions dropped", sinks.predictions.as_ref().map(Sink::dropped)),
             ("events dropped", sinks.events.as_ref().map(Events::dropped)),
         ];
         // Sum the outlets' drops alone: the sinks' drops listed above are the same ones.
@@ -196,10 +183,7 @@ impl Outlets {
         let work = [
             KeyValue::new("windows decoded", &decoder.decoded),
             KeyValue::new("windows waiting", &decoder.waiting),
-            KeyValue::new(
-                "windows' longest wait ms",
-                &decoder.longest_wait.as_millis(),
-            ),
+            KeyValue::new("windows' longest wait ms", &decoder.longest_wait.as_millis()),
             KeyValue::new("windows not needed", &decoder.not_needed),
         ];
         let view = sinks.view.iter();
@@ -209,20 +193,12 @@ impl Outlets {
         let receivers = viewers.chain(received);
         let outlets = outlets.iter().map(OutletCount::value).chain(receivers);
         let topics = sinks.topics.iter().flat_map(|topics| topics.values());
-        let topic = sinks
-            .events
-            .as_ref()
-            .and_then(|events| events.topic.as_ref());
+        let topic = sinks.events.as_ref().and_then(|events| events.topic.as_ref());
         let recorders = topic.and_then(|(topic, _)| topic.recorders());
         DiagnosticStatus::new(
             "outlets",
             (level, message),
-            values
-                .chain(work)
-                .chain(outlets)
-                .chain(topics)
-                .chain(recorders)
-                .collect(),
+            values.chain(work).chain(outlets).chain(topics).chain(recorders).collect(),
         )
     }
 

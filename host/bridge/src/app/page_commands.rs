@@ -56,11 +56,7 @@ enum Awaited {
 impl Default for PageCommands {
     fn default() -> PageCommands {
         let (sender, asked) = unbounded_channel();
-        PageCommands {
-            asked,
-            sender: PageSender(sender),
-            pending: Vec::new(),
-        }
+        PageCommands { asked, sender: PageSender(sender), pending: Vec::new() }
     }
 }
 
@@ -119,24 +115,15 @@ impl PageCommands {
     /// Stores a reply until the device answers. Refuses older waiting commands of the same kind.
     fn wait(&mut self, awaited: Awaited, reply: Reply) {
         let kind = awaited.kind();
-        for replaced in self
-            .pending
-            .extract_if(.., |one| one.awaited.kind() == kind)
-        {
-            replaced
-                .reply
-                .refuse("a newer command has replaced this one");
+        for replaced in self.pending.extract_if(.., |one| one.awaited.kind() == kind) {
+            replaced.reply.refuse("a newer command has replaced this one");
         }
         // The core ends an unanswered self-test after 15 s, before this timeout.
         let timeout = match awaited {
             Awaited::SelfTest => 5 * TIMEOUT,
             _ => TIMEOUT,
         };
-        self.pending.push(Pending {
-            awaited,
-            deadline: Instant::now() + timeout,
-            reply,
-        });
+        self.pending.push(Pending { awaited, deadline: Instant::now() + timeout, reply });
     }
 
     fn exclude(&mut self, label: &str, decision: Decision, core: &mut Core, reply: Reply) {
@@ -146,9 +133,7 @@ impl PageCommands {
         let is_named = |known: &&String| known.eq_ignore_ascii_case(label);
         let Some(label) = labels.iter().find(is_named).cloned() else {
             let known = labels.join(" ");
-            return reply.refuse(format!(
-                "the device has no electrode {label}; it has {known}"
-            ));
+            return reply.refuse(format!("the device has no electrode {label}; it has {known}"));
         };
         let mut exclusions = core.exclusions().clone();
         for list in [&mut exclusions.always, &mut exclusions.never] {
@@ -178,9 +163,7 @@ impl PageCommands {
 
     fn set_rate(&mut self, rate: u8, core: &mut Core, reply: Reply) {
         if rate > MAX_RATE {
-            return reply.refuse(format!(
-                "{rate} is no rate; choose 0 (finest) to {MAX_RATE}"
-            ));
+            return reply.refuse(format!("{rate} is no rate; choose 0 (finest) to {MAX_RATE}"));
         }
         if !core.streams().contains(Streams::PACKED) {
             return reply.refuse(
@@ -192,9 +175,7 @@ impl PageCommands {
         if core.is_streaming_wanted() {
             self.wait(Awaited::Rate(rate), reply);
         } else {
-            reply.done(&format!(
-                "the packed code has rate {rate}, once the device streams"
-            ));
+            reply.done(&format!("the packed code has rate {rate}, once the device streams"));
         }
     }
 
@@ -204,23 +185,14 @@ impl PageCommands {
             return;
         }
         let now = Instant::now();
-        for Pending {
-            awaited,
-            deadline,
-            reply,
-        } in std::mem::take(&mut self.pending)
-        {
+        for Pending { awaited, deadline, reply } in std::mem::take(&mut self.pending) {
             match awaited.outcome(core) {
                 Some(Ok(value)) => reply.send(Ok(value)),
                 Some(Err(why)) => reply.refuse(why),
                 None if now >= deadline => reply.refuse(
                     "the device has not answered; the command stays in force, and is sent again",
                 ),
-                None => self.pending.push(Pending {
-                    awaited,
-                    deadline,
-                    reply,
-                }),
+                None => self.pending.push(Pending { awaited, deadline, reply }),
             }
         }
     }
@@ -247,9 +219,9 @@ impl Awaited {
         match self {
             Awaited::Started => core.is_streaming().then(|| done("the device streams")),
             Awaited::Stopped => core.is_stopped().then(|| done("the device is stopped")),
-            Awaited::Exclusion(message) => core
-                .exclusion_answer()
-                .map(|answer| if_accepted(answer, message)),
+            Awaited::Exclusion(message) => {
+                core.exclusion_answer().map(|answer| if_accepted(answer, message))
+            }
             Awaited::Rate(rate) => {
                 let message = format!("the packed code has rate {rate}");
                 let answer = core.packed_rate_answer();

@@ -78,11 +78,7 @@ fn check(name: &str, known: &[String], remedy: String) -> Result<(), BridgeError
     if known.iter().any(|known| known == name) {
         return Ok(());
     }
-    Err(BridgeError::UnknownParameter {
-        name: name.to_owned(),
-        remedy,
-        known: known.join(", "),
-    })
+    Err(BridgeError::UnknownParameter { name: name.to_owned(), remedy, known: known.join(", ") })
 }
 
 /// Returns the argument `--name=value` for an option whose name is given with underscores.
@@ -124,10 +120,7 @@ mod tests {
         assert_eq!(flags, expected);
         let error = to_flags(vec!["_prot:=x".to_owned()], &known()).unwrap_err();
         let message = error.to_string();
-        assert!(
-            message.contains("prot") && message.contains("port, baud"),
-            "{message}"
-        );
+        assert!(message.contains("prot") && message.contains("port, baud"), "{message}");
     }
 
     #[test]
@@ -141,12 +134,7 @@ mod tests {
         let members = members.map(|(name, value)| (name.to_owned(), value));
         let arguments = to_arguments("/acquisition", members.to_vec(), &known()).unwrap();
         let flags: Vec<&str> = arguments.iter().map(|(_, flag)| &**flag).collect();
-        let expected = [
-            "--baud=9600",
-            "--mains=50",
-            "--low-latency=true",
-            "--streams=codes,raw",
-        ];
+        let expected = ["--baud=9600", "--mains=50", "--low-latency=true", "--streams=codes,raw"];
         assert_eq!(flags, expected);
         let nested = vec![("port".to_owned(), Value::Nil)];
         assert!(to_arguments("/acquisition", nested, &known()).is_err());

@@ -32,16 +32,9 @@ impl PortList {
         let list = |port: SerialPort| {
             let objection = root.port_access(&port.path).objection(&port.path);
             let (problem, remedy) = objection.unzip();
-            ListedPort {
-                board: port.likeness(),
-                port,
-                problem,
-                remedy,
-            }
+            ListedPort { board: port.likeness(), port, problem, remedy }
         };
-        PortList {
-            ports: root.serial_ports().into_iter().map(list).collect(),
-        }
+        PortList { ports: root.serial_ports().into_iter().map(list).collect() }
     }
 }
 
@@ -53,27 +46,12 @@ impl fmt::Display for PortList {
                 "no serial ports; plug a board in, and see `sudo dmesg --follow` if none appears"
             );
         }
-        let header = [
-            "port",
-            "board",
-            "USB",
-            "device",
-            "serial number",
-            "driver",
-            "link",
-        ];
+        let header = ["port", "board", "USB", "device", "serial number", "driver", "link"];
         let rows = self.ports.iter().map(row);
         write_columns(formatter, header, [false; 7], rows)?;
-        let boards = self
-            .ports
-            .iter()
-            .filter(|port| port.board == Likeness::Board);
+        let boards = self.ports.iter().filter(|port| port.board == Likeness::Board);
         let count = boards.count();
-        write!(
-            formatter,
-            "\n{count} Corticode board{} on USB",
-            if count == 1 { "" } else { "s" }
-        )?;
+        write!(formatter, "\n{count} Corticode board{} on USB", if count == 1 { "" } else { "s" })?;
         for listed in &self.ports {
             if let (Some(problem), Some(remedy)) = (&listed.problem, &listed.remedy) {
                 let path = listed.port.path.display();
@@ -123,11 +101,7 @@ mod tests {
     fn the_table_and_json_name_the_board_and_the_program_that_has_its_port_open() {
         let machine = SimulatedMachine::new();
         let root = SystemRoot::new(machine.folder());
-        assert!(
-            PortList::read(&root)
-                .to_string()
-                .contains("plug a board in")
-        );
+        assert!(PortList::read(&root).to_string().contains("plug a board in"));
         machine.plug(2, "ttyACM0", BOARD, None);
         machine.add_uart("ttyS0", 4);
         machine.write("proc/41/comm", "ModemManager\n");
@@ -137,10 +111,8 @@ mod tests {
         let list = PortList::read(&root);
         let folder = format!("{}/", machine.folder().display());
         let text = list.to_string().replace(&folder, "/");
-        let lines: Vec<Vec<&str>> = text
-            .lines()
-            .map(|line| line.split_whitespace().collect())
-            .collect();
+        let lines: Vec<Vec<&str>> =
+            text.lines().map(|line| line.split_whitespace().collect()).collect();
         let link = format!("/dev/corticode-{}", BOARD.serial);
         let expected = [
             "/dev/ttyACM0",

@@ -116,10 +116,7 @@ impl ModelRate {
         }
         let model = Model::embedded().map_err(BridgeError::Model)?;
         let packed = model.packed();
-        Ok(packed.map(|packed| ModelRate {
-            model: model.id(),
-            rate: packed.description.rate,
-        }))
+        Ok(packed.map(|packed| ModelRate { model: model.id(), rate: packed.description.rate }))
     }
 }
 
@@ -180,11 +177,7 @@ impl Recording {
         let summary = self.driver.core.summary();
         let time = FormattedDuration(self.start.elapsed());
         let bytes = DecimalBytes(self.port.recorder.bytes());
-        let absent = if self.driver.connection.is_open() {
-            ""
-        } else {
-            ", waiting for the device"
-        };
+        let absent = if self.driver.connection.is_open() { "" } else { ", waiting for the device" };
         format!(
             "{time}, {bytes}, {} codes, {} packed blocks, {} lost{absent}",
             summary.received,
@@ -255,11 +248,7 @@ impl RecordingFile {
         let thread = std::thread::Builder::new()
             .name("recording".to_owned())
             .spawn(move || append_all(file, &receiver))?;
-        Ok(RecordingFile {
-            path: path.to_owned(),
-            chunks,
-            thread,
-        })
+        Ok(RecordingFile { path: path.to_owned(), chunks, thread })
     }
 
     /// Queues bytes for the file, and waits while the queue is full. Returns whether the file still

@@ -76,9 +76,7 @@ impl EventTopic {
             starts.retain(|name, _| subscribes(name));
         }
         let started = starts.iter().filter(|(_, start)| start.is_some());
-        let names = started
-            .map(|(name, _)| name)
-            .filter(|name| subscribes(name));
+        let names = started.map(|(name, _)| name).filter(|name| subscribes(name));
         let names: Vec<&str> = names.map(String::as_str).collect();
         Some(KeyValue::new("events placed for", &names.join(" ")))
     }

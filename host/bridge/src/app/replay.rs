@@ -81,12 +81,7 @@ pub(crate) struct ReplaySummary {
 
 impl fmt::Display for ReplaySummary {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let ReplayCounts {
-            frames,
-            codes,
-            blocks,
-            unusable,
-        } = self.counts;
+        let ReplayCounts { frames, codes, blocks, unusable } = self.counts;
         let path = self.path.display();
         write!(
             formatter,
@@ -105,17 +100,10 @@ pub(super) async fn replay(options: &ReplayOptions) -> Result<ReplaySummary, Bri
     let mut shutdown = Shutdown::new()?;
     let unusable = |source| BridgeError::Recording(options.file.clone(), source);
     let Some(output) = &options.output else {
-        return Err(BridgeError::Output(
-            "nothing".to_owned(),
-            io::ErrorKind::InvalidInput.into(),
-        ));
+        return Err(BridgeError::Output("nothing".to_owned(), io::ErrorKind::InvalidInput.into()));
     };
     let unopened = |source| BridgeError::Output(output.to_string(), source);
-    let pace = if options.fast {
-        Pace::Fast
-    } else {
-        Pace::RealTime
-    };
+    let pace = if options.fast { Pace::Fast } else { Pace::RealTime };
     let mut replayer = open(&options.file, pace)?;
     let mut port = ReplayPort::open(output).await.map_err(unopened)?;
     tracing::info!("playing at {output}");
@@ -154,10 +142,7 @@ pub(super) async fn replay(options: &ReplayOptions) -> Result<ReplaySummary, Bri
         }
     }
     spinner.finish_and_clear();
-    Ok(ReplaySummary {
-        path: options.file.clone(),
-        counts: replayer.counts(),
-    })
+    Ok(ReplaySummary { path: options.file.clone(), counts: replayer.counts() })
 }
 
 pub(crate) fn open(path: &Path, pace: Pace) -> Result<Replayer<File>, BridgeError> {
@@ -242,10 +227,9 @@ impl ReplayPort {
                 io::ErrorKind::InvalidInput,
                 "auto finds boards and is no name for a port",
             )),
-            PortAddress::Tcp(address) => Ok(ReplayPort::Tcp {
-                listener: TcpListener::bind(address).await?,
-                host: None,
-            }),
+            PortAddress::Tcp(address) => {
+                Ok(ReplayPort::Tcp { listener: TcpListener::bind(address).await?, host: None })
+            }
         }
     }
 
@@ -318,9 +302,5 @@ fn open_terminal(link: &Path) -> io::Result<ReplayPort> {
         std::fs::remove_file(link)?;
     }
     symlink(name.to_str().map_err(io::Error::other)?, link)?;
-    Ok(ReplayPort::Tty {
-        port,
-        link: link.to_owned(),
-        terminal,
-    })
+    Ok(ReplayPort::Tty { port, link: link.to_owned(), terminal })
 }

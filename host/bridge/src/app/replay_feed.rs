@@ -23,12 +23,7 @@ pub(crate) struct ReplayFeed {
 
 impl ReplayFeed {
     pub(crate) fn new(replayer: Replayer<File>, path: PathBuf) -> ReplayFeed {
-        ReplayFeed {
-            replayer,
-            path,
-            is_open: false,
-            waiting: Vec::new(),
-        }
+        ReplayFeed { replayer, path, is_open: false, waiting: Vec::new() }
     }
 
     pub(crate) fn header(&self) -> &FileHeader {

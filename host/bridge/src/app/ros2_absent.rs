@@ -83,7 +83,5 @@ pub(crate) fn ros2_domain(
     _options: &Ros2Options,
     _variable: impl Fn(&str) -> Option<String>,
 ) -> Domain {
-    Domain {
-        localhost_only: false,
-    }
+    Domain { localhost_only: false }
 }

@@ -36,11 +36,7 @@ impl Ros2Outlet {
         commands: UnboundedSender<NodeCommand>,
     ) -> Result<Arc<Ros2Outlet>, BridgeError> {
         let names = ros.names().map_err(neuro_ros::ros1::NodeError::from)?;
-        let resolve = |name: &str| {
-            names
-                .resolve(name)
-                .map_err(neuro_ros::ros1::NodeError::from)
-        };
+        let resolve = |name: &str| names.resolve(name).map_err(neuro_ros::ros1::NodeError::from);
         let services = ServiceNames {
             start: resolve("~start")?,
             stop: resolve("~stop")?,
@@ -74,11 +70,7 @@ impl Ros2Outlet {
         let topic = self.names.resolve(name);
         let topic = topic.map_err(neuro_ros::ros1::NodeError::from)?;
         let is_frame = M::NAME == NeuroFrame::NAME;
-        let delivery = if is_frame {
-            self.frames
-        } else {
-            Delivery::Reliable
-        };
+        let delivery = if is_frame { self.frames } else { Delivery::Reliable };
         Ok(Box::new(self.node.sink(&topic, delivery)?))
     }
 
@@ -88,9 +80,7 @@ impl Ros2Outlet {
         self: &Arc<Self>,
         mut announced: watch::Receiver<Option<AcquisitionInfo>>,
     ) -> Result<(), BridgeError> {
-        let mut sink = self
-            .node
-            .sink::<NeuroFrame>(&self.info_topic, Delivery::Latched)?;
+        let mut sink = self.node.sink::<NeuroFrame>(&self.info_topic, Delivery::Latched)?;
         let outlet = Arc::clone(self);
         tokio::spawn(async move {
             while announced.changed().await.is_ok() {

@@ -143,11 +143,8 @@ pub struct Namespace {
 impl Namespace {
     /// Joins ROS's namespace `ros` and `prefix`. A prefix that starts with a slash replaces `ros`.
     pub fn new(ros: &str, prefix: &str) -> Namespace {
-        let joined = if prefix.starts_with('/') {
-            prefix.to_owned()
-        } else {
-            format!("{ros}/{prefix}")
-        };
+        let joined =
+            if prefix.starts_with('/') { prefix.to_owned() } else { format!("{ros}/{prefix}") };
         let parts = joined.split('/').filter(|part| !part.is_empty());
         let name = parts.fold(String::new(), |name, part| format!("{name}/{part}"));
         Namespace { name }
@@ -155,11 +152,7 @@ impl Namespace {
 
     /// Returns the namespace as a ROS name, such as `/left` or `/`.
     pub fn as_ros_name(&self) -> &str {
-        if self.name.is_empty() {
-            "/"
-        } else {
-            &self.name
-        }
+        if self.name.is_empty() { "/" } else { &self.name }
     }
 
     /// Returns the full name of `name` in this namespace: `/left/encoded` for `encoded` and
@@ -206,11 +199,9 @@ mod tests {
 
     #[test]
     fn a_prefix_extends_the_namespace_and_an_absolute_one_replaces_it() {
-        for (ros, prefix, expected) in [
-            ("/lab", "", "/lab"),
-            ("lab", "left", "/lab/left"),
-            ("/lab", "/left/", "/left"),
-        ] {
+        for (ros, prefix, expected) in
+            [("/lab", "", "/lab"), ("lab", "left", "/lab/left"), ("/lab", "/left/", "/left")]
+        {
             let namespace = Namespace::new(ros, prefix);
             assert_eq!(namespace.as_ros_name(), expected);
             assert_eq!(namespace.resolve("encoded"), format!("{expected}/encoded"));

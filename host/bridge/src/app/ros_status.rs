@@ -35,18 +35,9 @@ impl RosStatus {
         let uri = options.master_uri.clone();
         let tasks = [
             tokio::spawn(log_master_changes(node.master_status(), uri.clone())),
-            tokio::spawn(watch_own_host(
-                options.host.clone(),
-                uri,
-                Arc::clone(&host_fault),
-            )),
+            tokio::spawn(watch_own_host(options.host.clone(), uri, Arc::clone(&host_fault))),
         ];
-        RosStatus {
-            node,
-            master_uri: options.master_uri.clone(),
-            host_fault,
-            tasks,
-        }
+        RosStatus { node, master_uri: options.master_uri.clone(), host_fault, tasks }
     }
 
     /// Ends the tasks that watch the node.
@@ -63,10 +54,7 @@ impl RosStatus {
             unreachable.map(|(topic, why)| format!("no messages of {topic} from {why}"));
         let mut faults: Vec<String> = unreachable.collect();
         faults.extend(lock(&self.host_fault).clone());
-        faults.extend(master_fault(
-            &self.node.master_status().borrow(),
-            &self.master_uri,
-        ));
+        faults.extend(master_fault(&self.node.master_status().borrow(), &self.master_uri));
         let (level, message) = if faults.is_empty() {
             let is_unknown = *self.node.master_status().borrow() == MasterStatus::Unknown;
             let message = if is_unknown {
@@ -133,10 +121,7 @@ async fn watch_own_host(host: Option<String>, uri: String, fault: Arc<Mutex<Opti
         let own_host = OwnHost::find(&host).await;
         let check = check_own_host(Some(&own_host), master_is_here(&uri).await);
         let now = check.remedy.map(|remedy| {
-            format!(
-                "other nodes cannot connect to this one: {}; {remedy}",
-                check.finding
-            )
+            format!("other nodes cannot connect to this one: {}; {remedy}", check.finding)
         });
         let before = std::mem::replace(&mut *lock(&fault), now.clone());
         match (before, now) {
@@ -160,10 +145,8 @@ mod tests {
     /// Waits until the status of a node with this host and master has a message for which `wanted`
     /// is true. Returns the level of this status.
     async fn level(host: &str, master: &str, wanted: impl Fn(&str) -> bool) -> DiagnosticLevel {
-        let options = NodeOptions {
-            host: Some(host.to_owned()),
-            ..NodeOptions::new("acquisition", master)
-        };
+        let options =
+            NodeOptions { host: Some(host.to_owned()), ..NodeOptions::new("acquisition", master) };
         let node = Arc::new(Node::start(options.clone()).await.unwrap());
         let status = RosStatus::watch(node, &options);
         let deadline = Instant::now() + Duration::from_secs(30);
@@ -191,20 +174,12 @@ mod tests {
             (
                 "192.0.2.1",
                 master.uri(),
-                [
-                    "other nodes cannot connect",
-                    "no address of this machine",
-                    "export ROS_IP=",
-                ],
+                ["other nodes cannot connect", "no address of this machine", "export ROS_IP="],
             ),
             (
                 "no-such-host.invalid",
                 master.uri(),
-                [
-                    "other nodes cannot connect",
-                    "does not resolve",
-                    "export ROS_IP=",
-                ],
+                ["other nodes cannot connect", "does not resolve", "export ROS_IP="],
             ),
             (
                 "127.0.0.1",
@@ -229,9 +204,6 @@ mod tests {
             assert_eq!(level(host, uri, wanted).await, DiagnosticLevel::Warn);
         }
         let is_calm = |message: &str| message == "the ROS master answers";
-        assert_eq!(
-            level("127.0.0.1", master.uri(), is_calm).await,
-            DiagnosticLevel::Ok
-        );
+        assert_eq!(level("127.0.0.1", master.uri(), is_calm).await, DiagnosticLevel::Ok);
     }
 }

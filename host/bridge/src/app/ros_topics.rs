@@ -47,11 +47,7 @@ struct TopicState {
 
 impl RosTopics {
     pub(crate) fn new(node: Arc<Node>) -> RosTopics {
-        RosTopics {
-            node,
-            frames: Mutex::default(),
-            shared: Mutex::default(),
-        }
+        RosTopics { node, frames: Mutex::default(), shared: Mutex::default() }
     }
 
     /// Adds a topic of frames with a queue of `queue` messages for each subscriber. If it is the
@@ -68,12 +64,7 @@ impl RosTopics {
         if frames.iter().any(|topic| topic.name == name) {
             return Err(NodeError::Duplicate(format!("publisher of {name}")));
         }
-        let topic = Arc::new(FrameTopic {
-            recorders,
-            name,
-            queue,
-            state: Mutex::default(),
-        });
+        let topic = Arc::new(FrameTopic { recorders, name, queue, state: Mutex::default() });
         frames.push(Arc::clone(&topic));
         let body = Vec::new();
         Ok(FrameTopicSink { topic, body })
@@ -158,11 +149,7 @@ impl RosTopics {
         }
         for publisher in publishers {
             for lag in publisher.lags() {
-                let key = format!(
-                    "messages behind: {} on {}",
-                    lag.subscriber,
-                    publisher.topic()
-                );
+                let key = format!("messages behind: {} on {}", lag.subscriber, publisher.topic());
                 values.push(KeyValue::new(&key, &lag.waiting));
             }
         }
@@ -196,10 +183,7 @@ impl FrameTopic {
     }
 
     async fn advertise(&self, node: &Node) -> Result<(), NodeError> {
-        let options = PublisherOptions {
-            queue: self.queue,
-            latch: false,
-        };
+        let options = PublisherOptions { queue: self.queue, latch: false };
         let advertised = node.advertise(&self.name, NeuroFrame::TYPE, options).await;
         let mut state = lock(&self.state);
         match advertised {
@@ -308,11 +292,7 @@ impl Claim {
         let is_free = self.others.is_empty();
         self.contested |= !is_free;
         let is_first = publishers.first().is_some_and(|node| node == own);
-        self.checks = if is_free == self.published {
-            0
-        } else {
-            self.checks + 1
-        };
+        self.checks = if is_free == self.published { 0 } else { self.checks + 1 };
         let change = match (self.published, is_free) {
             (true, false) if !is_first || self.checks > 1 => Change::Withdraw,
             (false, true) if !self.contested || self.checks >= FREE_CHECKS => Change::Publish,

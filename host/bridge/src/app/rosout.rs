@@ -45,10 +45,7 @@ impl<S: Subscriber> Layer<S> for RosoutLayer {
         event.record(&mut text);
         let stamp = Stamp::now();
         let line = Log {
-            header: Header {
-                stamp,
-                ..Header::default()
-            },
+            header: Header { stamp, ..Header::default() },
             level,
             msg: text.message + &text.fields,
             file: metadata.file().unwrap_or_default().to_owned(),
@@ -100,10 +97,7 @@ pub(crate) fn split(mut lines: Receiver<Log>) -> [Receiver<Log>; 2] {
 /// Publishes the lines on `/rosout`, in a task of its own.
 pub(crate) fn publish(node: Arc<Node>, mut lines: Receiver<Log>) {
     tokio::spawn(async move {
-        let options = PublisherOptions {
-            queue: QUEUE_LINES,
-            latch: false,
-        };
+        let options = PublisherOptions { queue: QUEUE_LINES, latch: false };
         let publisher = match node.advertise("/rosout", Log::TYPE, options).await {
             Ok(publisher) => publisher,
             Err(error) => {

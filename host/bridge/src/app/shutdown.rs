@@ -43,10 +43,7 @@ impl Shutdown {
                 }
             });
         }
-        Ok(Shutdown {
-            reason_sender,
-            reasons,
-        })
+        Ok(Shutdown { reason_sender, reasons })
     }
 
     /// Requests a shutdown as soon as the ROS master asks `node` to shut down.

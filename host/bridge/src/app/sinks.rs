@@ -97,11 +97,7 @@ impl Events {
         }
         let view = to.view.as_ref();
         let view = view.map(|view| EventTimes::new(view.sink(ViewTopic::Events)));
-        Ok(Events {
-            topic,
-            view,
-            others,
-        })
+        Ok(Events { topic, view, others })
     }
 
     pub(super) fn publish(
@@ -141,9 +137,7 @@ pub(super) fn outlet_counts(
         _ => 0,
     };
     let outlets = outlets.iter();
-    outlets
-        .map(|outlet| outlet.count(dropped_later(outlet)))
-        .collect()
+    outlets.map(|outlet| outlet.count(dropped_later(outlet))).collect()
 }
 
 /// ROS as an outlet: the node, and the recorders of the announced stream, which are `None` if
@@ -288,15 +282,12 @@ impl Sinks {
         };
         let optional = |name: &Option<String>, stream, shown| {
             let name = name.as_ref();
-            name.map(|name| frames(name, QUEUE_SAMPLES, stream, Some(shown)))
-                .transpose()
+            name.map(|name| frames(name, QUEUE_SAMPLES, stream, Some(shown))).transpose()
         };
         let stream = AnnouncedStream::Reconstructed;
         let mut decoded = frames(&names.reconstructed, QUEUE_FRAMES, stream, None)?;
         let lookback = Arc::<AtomicU32>::default();
-        let of_view = outlets
-            .iter()
-            .find(|outlet| outlet.kind() == SinkKind::View);
+        let of_view = outlets.iter().find(|outlet| outlet.kind() == SinkKind::View);
         if let (Some(outlet), Some(view)) = (of_view, &to.view) {
             let sink = view.sink(ViewTopic::Reconstructed);
             let sink = StepTimes::new(sink, Arc::clone(&lookback));

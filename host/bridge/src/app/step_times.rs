@@ -20,11 +20,7 @@ pub(crate) struct StepTimes<S> {
 
 impl<S: Sink<NeuroFrame>> StepTimes<S> {
     pub(crate) fn new(sink: S, lookback: Arc<AtomicU32>) -> StepTimes<S> {
-        StepTimes {
-            sink,
-            lookback,
-            frame: NeuroFrame::default(),
-        }
+        StepTimes { sink, lookback, frame: NeuroFrame::default() }
     }
 }
 
@@ -86,16 +82,9 @@ mod tests {
 
     /// Returns the device times that a frame of 8 steps at 128 Hz has on the page.
     fn times(frame_id: &str, lookback: u32, device_time_us: u64) -> Vec<u64> {
-        let info = NeuroDataInfo {
-            nsamples: 8,
-            ..NeuroDataInfo::default()
-        };
+        let info = NeuroDataInfo { nsamples: 8, ..NeuroDataInfo::default() };
         let mut frame = NeuroFrame::zeros(128, frame_id, info, NeuroDataInfo::default());
-        let words = TriWords {
-            device_time_us,
-            flags: 0x8000,
-            ..TriWords::default()
-        };
+        let words = TriWords { device_time_us, flags: 0x8000, ..TriWords::default() };
         for row in frame.tri.data.chunks_exact_mut(8) {
             row.copy_from_slice(&words.words());
         }
@@ -106,10 +95,7 @@ mod tests {
         let rows = published.tri.data.chunks_exact(8);
         rows.map(|words| {
             assert_eq!((words[0], words[7]), (0x8000, 0));
-            let words: Vec<u64> = words
-                .iter()
-                .map(|word| u64::try_from(*word).unwrap())
-                .collect();
+            let words: Vec<u64> = words.iter().map(|word| u64::try_from(*word).unwrap()).collect();
             words[3] | words[4] << 16 | words[5] << 32
         })
         .collect()

@@ -161,12 +161,7 @@ pub(crate) struct Probe {
 
 impl Probe {
     pub(crate) fn new() -> Probe {
-        Probe {
-            decoder: Decoder::new(),
-            encoder: Encoder::default(),
-            identity: None,
-            device: None,
-        }
+        Probe { decoder: Decoder::new(), encoder: Encoder::default(), identity: None, device: None }
     }
 
     /// Returns the bytes of the next `Identify` frame.
@@ -209,9 +204,7 @@ impl Probe {
             None if counters.bytes == 0 => DeviceAnswer::Silent,
             None if counters.frames > 0 => DeviceAnswer::NoHello,
             None if counters.version > 0 => DeviceAnswer::OtherVersion,
-            None => DeviceAnswer::Stranger {
-                bytes: counters.bytes,
-            },
+            None => DeviceAnswer::Stranger { bytes: counters.bytes },
         }
     }
 }
@@ -257,11 +250,7 @@ mod tests {
             (DeviceAnswer::NotAsked, "not asked", "doctor again"),
             (DeviceAnswer::Silent, "nothing answers", "check power"),
             (stranger, "9 bytes and no frame", "bridge ports"),
-            (
-                DeviceAnswer::OtherVersion,
-                "than this bridge (1)",
-                "cargo flash",
-            ),
+            (DeviceAnswer::OtherVersion, "than this bridge (1)", "cargo flash"),
             (DeviceAnswer::NoHello, "does not introduce itself", reset),
         ] {
             let checks = check(&answer);

@@ -31,11 +31,7 @@ pub(crate) enum PortPlace {
     /// A port that does not exist, with the reason and the remedy.
     Missing { why: String, remedy: String },
     /// A serial port or a pseudoterminal.
-    Terminal {
-        path: PathBuf,
-        access: PortAccess,
-        usb: UsbPort,
-    },
+    Terminal { path: PathBuf, access: PortAccess, usb: UsbPort },
 }
 
 /// What USB device a serial port belongs to.
@@ -142,10 +138,7 @@ mod tests {
     fn check(access: PortAccess, usb: UsbPort, modem_manager: bool) -> Vec<Check> {
         let path = "/dev/ttyACM0".into();
         let place = PortPlace::Terminal { path, access, usb };
-        check_port(&PortFacts {
-            place,
-            modem_manager,
-        })
+        check_port(&PortFacts { place, modem_manager })
     }
 
     fn not_ok(checks: &[Check]) -> Vec<(&str, Level)> {
@@ -164,16 +157,12 @@ mod tests {
     #[test]
     fn a_board_without_the_rule_is_a_warning_and_modem_manager_another_one() {
         let install = "corticode-bridge ports --udev-rule | sudo tee";
-        for (rule, command) in [
-            (UdevRule::Missing, install),
-            (UdevRule::Installed, "sudo udevadm control --reload"),
-        ] {
+        for (rule, command) in
+            [(UdevRule::Missing, install), (UdevRule::Installed, "sudo udevadm control --reload")]
+        {
             let board = UsbPort::Board(rule);
             let checks = check(PortAccess::Free, board, true);
-            let expected = [
-                ("udev rule", Level::Warning),
-                ("ModemManager", Level::Warning),
-            ];
+            let expected = [("udev rule", Level::Warning), ("ModemManager", Level::Warning)];
             assert_eq!(not_ok(&checks), expected);
             for check in &checks[3..] {
                 let remedy = check.remedy.as_deref().unwrap();

@@ -77,11 +77,7 @@ fn check_domain(facts: &Ros2Facts) -> Check {
             "export ROS_DOMAIN_ID=42 for all nodes: any number from 0 to 101",
         );
     }
-    let place = if facts.localhost_only {
-        "on this machine only"
-    } else {
-        "in this network"
-    };
+    let place = if facts.localhost_only { "on this machine only" } else { "in this network" };
     Check::ok(NAME, format!("{domain}, with nodes {place}"))
 }
 
@@ -130,10 +126,7 @@ mod tests {
             ..Ros2Facts::default()
         };
         assert_eq!(levels(&facts), [Warning, Error, Warning, Warning, Warning]);
-        let facts = Ros2Facts {
-            fault: Some("no network".to_owned()),
-            ..Ros2Facts::default()
-        };
+        let facts = Ros2Facts { fault: Some("no network".to_owned()), ..Ros2Facts::default() };
         assert_eq!(levels(&facts), [Error, Level::Ok]);
     }
 }

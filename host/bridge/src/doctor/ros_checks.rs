@@ -43,10 +43,7 @@ impl OwnHost {
     /// Looks up the addresses of the host `name`.
     pub(crate) async fn find(name: &str) -> OwnHost {
         let addresses = host_addresses(name).await;
-        OwnHost {
-            name: name.to_owned(),
-            addresses: addresses.map_err(|error| error.reason.into()),
-        }
+        OwnHost { name: name.to_owned(), addresses: addresses.map_err(|error| error.reason.into()) }
     }
 }
 
@@ -81,10 +78,7 @@ pub(crate) fn check_ros(facts: &RosFacts) -> Vec<Check> {
             "roscore (or start the machine that runs it, and: export ROS_MASTER_URI=http://HOST:11311/)",
         ),
     }];
-    checks.push(check_own_host(
-        facts.own_host.as_ref(),
-        facts.master_is_here,
-    ));
+    checks.push(check_own_host(facts.own_host.as_ref(), facts.master_is_here));
     if let Ok(master) = &facts.master {
         checks.push(check_publishers(master));
         checks.push(if master.use_sim_time {
@@ -181,10 +175,7 @@ mod tests {
     fn host(name: &str, addresses: &[(&str, bool)]) -> OwnHost {
         let addresses = addresses.iter();
         let addresses = addresses.map(|(address, own)| (address.parse().unwrap(), *own));
-        OwnHost {
-            name: name.to_owned(),
-            addresses: Ok(addresses.collect()),
-        }
+        OwnHost { name: name.to_owned(), addresses: Ok(addresses.collect()) }
     }
 
     /// Returns name and level of the only check that is not ok, and its finding with the remedy.
@@ -192,12 +183,7 @@ mod tests {
         let mut wrong = check_ros(facts);
         wrong.retain(|check| check.level != Level::Ok);
         assert_eq!(wrong.len(), 1, "{wrong:?}");
-        let Check {
-            name,
-            level,
-            finding,
-            remedy,
-        } = wrong.remove(0);
+        let Check { name, level, finding, remedy } = wrong.remove(0);
         (name, level, format!("{finding}; {}", remedy.unwrap()))
     }
 
@@ -206,10 +192,7 @@ mod tests {
         let own = host("10.0.0.5", &[("10.0.0.5", true)]);
         let several = host("lab", &[("10.0.0.9", false), ("127.0.1.1", true)]);
         for own_host in [None, Some(own), Some(several)] {
-            let facts = RosFacts {
-                own_host,
-                ..facts()
-            };
+            let facts = RosFacts { own_host, ..facts() };
             let checks = check_ros(&facts);
             let all_ok = checks.iter().all(|check| check.level == Level::Ok);
             assert!(all_ok, "{checks:?}");

@@ -210,10 +210,7 @@ impl SystemRoot {
         let path = command.split('\0').next().unwrap_or_default();
         let full = path.rsplit('/').next().unwrap_or_default();
         let name = if full.starts_with(&name) { full } else { &name };
-        Program {
-            pid,
-            name: if name.is_empty() { "unknown" } else { name }.to_owned(),
-        }
+        Program { pid, name: if name.is_empty() { "unknown" } else { name }.to_owned() }
     }
 }
 
@@ -259,19 +256,13 @@ mod tests {
 
     #[test]
     fn the_program_that_uses_a_port_is_named_with_the_command_that_ends_it() {
-        let program = |pid, name: &str| Program {
-            pid,
-            name: name.to_owned(),
-        };
+        let program = |pid, name: &str| Program { pid, name: name.to_owned() };
         let used = PortAccess::InUse(vec![program(7, "minicom"), program(9, "screen")]);
         let expected = "in use by minicom (pid 7), screen (pid 9): kill 7; kill 9";
         assert_eq!(remedy(&used), expected);
         for (name, expected) in [
             ("ModemManager", "sudo systemctl stop ModemManager"),
-            (
-                "corticode-bridge",
-                "sudo systemctl stop corticode-bridge, or",
-            ),
+            ("corticode-bridge", "sudo systemctl stop corticode-bridge, or"),
         ] {
             let remedy = remedy(&PortAccess::InUse(vec![program(7, name)]));
             assert!(remedy.contains(expected), "{remedy}");

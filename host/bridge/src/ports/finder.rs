@@ -68,11 +68,7 @@ impl fmt::Display for MaybeBoards<'_> {
 }
 
 fn listed(boards: &[String]) -> String {
-    if boards.is_empty() {
-        "none".to_owned()
-    } else {
-        boards.join(", ")
-    }
+    if boards.is_empty() { "none".to_owned() } else { boards.join(", ") }
 }
 
 impl BoardFinder {
@@ -110,10 +106,8 @@ fn choose(ports: &[SerialPort], wanted: Option<&str>) -> Result<FoundBoard, Find
     if let Some(wanted) = wanted {
         let mut candidates = boards.iter().copied().chain(with(Likeness::Maybe));
         // Ignore case, which differs between the firmware's messages and the USB descriptor.
-        let port = candidates.find(|port| {
-            port.serial()
-                .is_some_and(|serial| serial.eq_ignore_ascii_case(wanted))
-        });
+        let port = candidates
+            .find(|port| port.serial().is_some_and(|serial| serial.eq_ignore_ascii_case(wanted)));
         return port.map(found).ok_or_else(|| FindError::OtherBoards {
             serial: wanted.to_owned(),
             present: boards.iter().map(|port| name(port)).collect(),
@@ -128,14 +122,12 @@ fn choose(ports: &[SerialPort], wanted: Option<&str>) -> Result<FoundBoard, Find
     }
     match boards[..] {
         [] => Err(FindError::NoBoard {
-            maybe: with(Likeness::Maybe)
-                .map(|port| port.path.clone())
-                .collect(),
+            maybe: with(Likeness::Maybe).map(|port| port.path.clone()).collect(),
         }),
         [board] => Ok(found(board)),
-        _ => Err(FindError::SeveralBoards {
-            boards: boards.iter().map(|port| name(port)).collect(),
-        }),
+        _ => {
+            Err(FindError::SeveralBoards { boards: boards.iter().map(|port| name(port)).collect() })
+        }
     }
 }
 
@@ -172,10 +164,7 @@ mod tests {
         machine.unplug(2, "ttyACM0");
         machine.plug(3, "ttyACM0", OTHER, None);
         let error = finder.find().unwrap_err().to_string();
-        assert!(
-            error.contains(BOARD.serial) && error.contains("3B ("),
-            "{error}"
-        );
+        assert!(error.contains(BOARD.serial) && error.contains("3B ("), "{error}");
         machine.plug(2, "ttyACM1", BOARD, None);
         assert_eq!(finder.find().unwrap().path, machine.path("dev/ttyACM1"));
     }

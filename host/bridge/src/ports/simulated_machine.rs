@@ -29,10 +29,7 @@ pub(crate) const BOARD: Descriptor<'static> = Descriptor {
 };
 
 /// USB descriptor of a second board, with another serial number.
-pub(crate) const OTHER: Descriptor<'static> = Descriptor {
-    serial: "3B",
-    ..BOARD
-};
+pub(crate) const OTHER: Descriptor<'static> = Descriptor { serial: "3B", ..BOARD };
 
 const CONTROLLER: &str = "sys/devices/pci0000:00/0000:00:14.0/usb1";
 
@@ -77,12 +74,7 @@ impl SimulatedMachine {
         if usb.product == BOARD.product {
             symlink(tty, self.path(&format!("dev/corticode-{}", usb.serial))).unwrap();
         }
-        let Descriptor {
-            manufacturer,
-            product,
-            serial,
-            ..
-        } = usb;
+        let Descriptor { manufacturer, product, serial, .. } = usb;
         let name = format!("usb-{manufacturer}_{product}_{serial}-if00").replace(' ', "_");
         let link = self.path(&format!("dev/serial/by-id/{name}"));
         symlink(format!("../../{tty}"), link).unwrap();

@@ -33,10 +33,8 @@ impl SystemRoot {
     /// Returns the serial ports that have a device, sorted by name. There are none without sysfs.
     pub(crate) fn serial_ports(&self) -> Vec<SerialPort> {
         let terminals = entries(&self.path("sys/class/tty"));
-        let mut ports: Vec<SerialPort> = terminals
-            .into_iter()
-            .filter_map(|class| self.serial_port(&class))
-            .collect();
+        let mut ports: Vec<SerialPort> =
+            terminals.into_iter().filter_map(|class| self.serial_port(&class)).collect();
         ports.sort_by(|a, b| a.path.cmp(&b.path));
         ports
     }
@@ -243,10 +241,7 @@ mod tests {
         ];
         assert_eq!(summary, expected);
         let serials: Vec<_> = ports.iter().map(SerialPort::serial).collect();
-        assert_eq!(
-            serials,
-            [Some(BOARD.serial), Some("0042"), None, Some("A9XYZ")]
-        );
+        assert_eq!(serials, [Some(BOARD.serial), Some("0042"), None, Some("A9XYZ")]);
         let link = |index: usize| ports[index].link.clone();
         let own = format!("dev/corticode-{}", BOARD.serial);
         assert_eq!(link(0), Some(machine.path(&own)));

@@ -85,10 +85,7 @@ pub(crate) fn program(
     let sectors: Vec<_> = layout.sectors.iter().filter(is_taken).collect();
     let to_erase: usize = sectors.iter().map(|sector| sector.len()).sum();
     bar.set_length((to_erase + 2 * content.len()) as u64);
-    let mut programmer = Programmer {
-        loader,
-        doing: "starting",
-    };
+    let mut programmer = Programmer { loader, doing: "starting" };
     programmer.become_idle()?;
     programmer.enter("erasing", bar);
     for sector in sectors {
@@ -189,10 +186,7 @@ impl<L: Loader> Programmer<'_, L> {
                     waited += wait;
                 }
                 _ if code != 0 => {
-                    return Err(UpdateError::Refused {
-                        doing: self.doing,
-                        status: code,
-                    });
+                    return Err(UpdateError::Refused { doing: self.doing, status: code });
                 }
                 _ => return Err(self.lost(io::ErrorKind::TimedOut.into())),
             }

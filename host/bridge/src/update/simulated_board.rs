@@ -140,11 +140,7 @@ impl Chip {
         self.busy_until = self.now + Duration::from_millis(wait_ms);
         let wait = u8::try_from(wait_ms % 256).unwrap();
         let wait = [wait, u8::try_from(wait_ms / 256).unwrap(), 0];
-        let status = if self.state == DOWNLOAD_BUSY {
-            0
-        } else {
-            self.status
-        };
+        let status = if self.state == DOWNLOAD_BUSY { 0 } else { self.status };
         Ok([&[status][..], &wait, &[self.state, 0]].concat())
     }
 

@@ -9,16 +9,9 @@ use crate::update::simulated_board::{Runs, SimulatedBoard};
 use crate::update::{UpdateError, update};
 
 /// Name, flash layout as the chip's loader describes it, and transfer size of each board.
-const H743: (&str, &str, u16) = (
-    "NUCLEO-H743ZI2",
-    "@Internal Flash   /0x08000000/16*128Kg",
-    1024,
-);
-const F446: (&str, &str, u16) = (
-    "NUCLEO-F446RE",
-    "@Internal Flash  /0x08000000/04*016Kg,01*064Kg,03*128Kg",
-    2048,
-);
+const H743: (&str, &str, u16) = ("NUCLEO-H743ZI2", "@Internal Flash   /0x08000000/16*128Kg", 1024);
+const F446: (&str, &str, u16) =
+    ("NUCLEO-F446RE", "@Internal Flash  /0x08000000/04*016Kg,01*064Kg,03*128Kg", 2048);
 
 /// Returns an image of `length` bytes for a board. The bytes depend on `version`.
 fn image(board: &str, version: u8, length: u32) -> Image {
@@ -124,15 +117,9 @@ fn an_update_goes_on_with_a_loader_that_was_left_in_the_middle() {
     let (mut board, new) = board(H743, 20_011);
     board.chip.borrow_mut().refuses = Some((ERASE, 0x0B));
     let error = failure(&mut board, &new, 4).to_string();
-    assert!(
-        error.contains("protected") && error.contains("while erasing"),
-        "{error}"
-    );
+    assert!(error.contains("protected") && error.contains("while erasing"), "{error}");
     let mut chip = board.chip.borrow_mut();
-    assert_eq!(
-        (chip.runs, chip.refuses.take().is_some()),
-        (Runs::Loader, true)
-    );
+    assert_eq!((chip.runs, chip.refuses.take().is_some()), (Runs::Loader, true));
     drop(chip);
     // Leave the loader as a program does that ends between a command and its status.
     board.send(DNLOAD, 0, &[]).unwrap_err();
@@ -159,16 +146,8 @@ fn an_image_for_another_board_or_flash_erases_nothing() {
     elsewhere.address += 0x4000;
     let too_long = image(F446.0, 2, 0x8_0001);
     let unknown = image("NUCLEO-G431KB", 2, 9);
-    let texts = [
-        "is for a NUCLEO-H743ZI2",
-        "0x08004000",
-        "to 0x08080001",
-        "cannot update",
-    ];
-    for (image, text) in [&h743, &elsewhere, &too_long, &unknown]
-        .into_iter()
-        .zip(texts)
-    {
+    let texts = ["is for a NUCLEO-H743ZI2", "0x08004000", "to 0x08080001", "cannot update"];
+    for (image, text) in [&h743, &elsewhere, &too_long, &unknown].into_iter().zip(texts) {
         let error = failure(&mut board, image, 2).to_string();
         assert!(error.contains(text), "{error}");
     }
@@ -177,10 +156,7 @@ fn an_image_for_another_board_or_flash_erases_nothing() {
     let error = failure(&mut board, &h743, 2).to_string();
     assert!(error.contains("another chip (@Internal Flash"), "{error}");
     board.others.push(99);
-    assert!(matches!(
-        failure(&mut board, &new, 2),
-        UpdateError::SeveralLoaders
-    ));
+    assert!(matches!(failure(&mut board, &new, 2), UpdateError::SeveralLoaders));
     assert!(board.chip.borrow().flash == before);
 }
 
@@ -200,8 +176,5 @@ fn another_version_after_the_update_is_status_1() {
     let (mut board, new) = board(F446, 20_011);
     board.chip.borrow_mut().images[1].model = "0000000000000000".to_owned();
     let error = failure(&mut board, &new, 1).to_string();
-    assert!(
-        error.contains("reports 0.2.0 5d4b736 (model 0000"),
-        "{error}"
-    );
+    assert!(error.contains("reports 0.2.0 5d4b736 (model 0000"), "{error}");
 }

@@ -69,11 +69,7 @@ impl UsbLoader {
         let interface = device.claim_interface(setting.interface_number()).wait()?;
         let alternate = setting.alternate_setting();
         interface.set_alt_setting(alternate).wait()?;
-        Ok(UsbLoader {
-            interface,
-            layout,
-            transfer_size: u16::from_le_bytes([low, high]),
-        })
+        Ok(UsbLoader { interface, layout, transfer_size: u16::from_le_bytes([low, high]) })
     }
 }
 

@@ -50,9 +50,7 @@ impl Connection {
     pub(crate) fn new(address: PortAddress, baud: u32) -> Connection {
         Connection {
             opener: PortOpener::new(address, baud),
-            state: State::Closed {
-                retry_at: Instant::now(),
-            },
+            state: State::Closed { retry_at: Instant::now() },
             stuck_since: None,
             reported: None,
             silently: false,
@@ -62,9 +60,7 @@ impl Connection {
 
     /// Closes the port. The next attempt to open it follows after [`Core::REOPEN_AFTER`].
     pub(crate) fn close(&mut self) {
-        self.state = State::Closed {
-            retry_at: Instant::now() + Core::REOPEN_AFTER,
-        };
+        self.state = State::Closed { retry_at: Instant::now() + Core::REOPEN_AFTER };
     }
 
     fn report_failure(&mut self, error: &io::Error) {
@@ -165,10 +161,7 @@ impl Feed for Connection {
                         self.stuck_since = Some(Instant::now());
                     }
                     let exchanged = if stuck_for.is_some_and(|time| time > PORT_TIMEOUT) {
-                        Err(io::Error::new(
-                            io::ErrorKind::TimedOut,
-                            "it accepts no commands",
-                        ))
+                        Err(io::Error::new(io::ErrorKind::TimedOut, "it accepts no commands"))
                     } else {
                         port.exchange(buffer, outgoing).await
                     };

@@ -59,12 +59,7 @@ impl PortOpener {
             }
             PortAddress::Tty(_) | PortAddress::Tcp(_) => None,
         };
-        PortOpener {
-            address,
-            baud,
-            finder,
-            found: None,
-        }
+        PortOpener { address, baud, finder, found: None }
     }
 
     pub(crate) fn address(&self) -> &PortAddress {
@@ -83,9 +78,9 @@ impl PortOpener {
         };
         self.found = None;
         let found = finder.find().map_err(|error| match error {
-            FindError::SeveralBoards { boards } => OpenError::Ambiguous {
-                boards: boards.join(", "),
-            },
+            FindError::SeveralBoards { boards } => {
+                OpenError::Ambiguous { boards: boards.join(", ") }
+            }
             absent => OpenError::Io(io::Error::new(io::ErrorKind::NotFound, absent)),
         })?;
         let address = PortAddress::Tty(found.path.clone());

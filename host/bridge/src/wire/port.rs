@@ -139,9 +139,7 @@ fn open_raw(path: &Path, baud: u32) -> io::Result<File> {
     let mut settings = termios::tcgetattr(&fd)?;
     settings.make_raw();
     settings.control_modes |= ControlModes::CLOCAL | ControlModes::CREAD;
-    settings
-        .set_speed(baud)
-        .map_err(|error| speed_error(error, baud))?;
+    settings.set_speed(baud).map_err(|error| speed_error(error, baud))?;
     termios::tcsetattr(&fd, OptionalActions::Now, &settings)
         .map_err(|error| speed_error(error, baud))?;
     Ok(fd.into())
@@ -307,10 +305,7 @@ mod tests {
         let tty = PortAddress::Tty("/dev/ttyACM0".into());
         assert_eq!("/dev/ttyACM0".parse(), Ok(tty.clone()));
         assert_eq!("pty:/dev/ttyACM0".parse(), Ok(tty));
-        assert_eq!(
-            "tcp:[::1]:5".parse(),
-            Ok(PortAddress::Tcp("[::1]:5".to_owned()))
-        );
+        assert_eq!("tcp:[::1]:5".parse(), Ok(PortAddress::Tcp("[::1]:5".to_owned())));
         // A colon does not make a path a TCP address.
         let by_id = PortAddress::Tty("/dev/serial/by-path/pci-0:1".into());
         assert_eq!("/dev/serial/by-path/pci-0:1".parse(), Ok(by_id));

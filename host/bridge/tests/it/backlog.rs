@@ -106,8 +106,5 @@ fn a_tcp_board_that_stands_still_for_8_s_loses_no_code() {
     // The board may make up to two more codes before the bridge ends.
     let all =
         (made..made + 3).any(|made| log.contains(&format!("made {made} received {made} lost 0")));
-    assert!(
-        all,
-        "not all of {made} codes or a few more were received: {log}"
-    );
+    assert!(all, "not all of {made} codes or a few more were received: {log}");
 }

@@ -15,10 +15,7 @@ fn wrong_usage_is_status_2_with_advice() {
         (&["--port", "tcp:localhost:99999"], "0 to 65535"),
         (&["--port", "99999"], "write tcp:HOST:PORT"),
         (&["--port", "file:x"], "corticode-bridge replay x"),
-        (
-            &["selftest", "--port", "localhost:5555"],
-            "write tcp:HOST:PORT",
-        ),
+        (&["selftest", "--port", "localhost:5555"], "write tcp:HOST:PORT"),
         (&["--port", "/tmp", "--sink", "ndjson"], "it is a folder"),
         (&["selftest", "--port", "/tmp"], "it is a folder"),
         (&["selftest", "--port", "/dev/null"], "/dev/ttyACM0"),
@@ -31,19 +28,10 @@ fn wrong_usage_is_status_2_with_advice() {
         (&["master", "--bind", "127.0.0.1:99999"], "0 to 65535"),
         (&["_prot:=/dev/null"], "known are port, baud"),
         (&["_port:=tcp:nowhere"], "tcp:127.0.0.1:5555"),
-        (
-            &["--port", "/dev/null", "--model", "/nowhere"],
-            "model.toml",
-        ),
-        (
-            &["--port", "/etc/passwd", "--sink", "ndjson"],
-            "/dev/ttyACM0",
-        ),
+        (&["--port", "/dev/null", "--model", "/nowhere"], "model.toml"),
+        (&["--port", "/etc/passwd", "--sink", "ndjson"], "/dev/ttyACM0"),
         (&["--port", "/dev/null", "--sink", "ndjson"], "/dev/ttyACM0"),
-        (
-            &["--port", "/dev/null", "--ros-master-uri", "nonsense"],
-            "ROS_MASTER_URI",
-        ),
+        (&["--port", "/dev/null", "--ros-master-uri", "nonsense"], "ROS_MASTER_URI"),
     ] {
         let log = Bridge::start(arguments).failure(2);
         assert!(log.contains(expected), "{arguments:?}: {log}");
@@ -61,10 +49,7 @@ fn an_empty_variable_sets_no_option() {
 #[test]
 fn the_udev_rule_comes_with_the_program() {
     let rule = stdout(&["ports", "--udev-rule"]);
-    let file = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../packaging/60-corticode.rules"
-    );
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../packaging/60-corticode.rules");
     assert_eq!(rule, std::fs::read_to_string(file).unwrap());
 }
 
@@ -80,11 +65,7 @@ fn a_reader_that_has_gone_changes_no_status() {
         drop(reader);
         let other = writer.try_clone().unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_corticode-bridge"));
-        let ended = command
-            .args(arguments)
-            .stdout(writer)
-            .stderr(other)
-            .status();
+        let ended = command.args(arguments).stdout(writer).stderr(other).status();
         assert_eq!(ended.unwrap().code(), Some(status), "{arguments:?}");
     }
 }
@@ -153,9 +134,7 @@ fn names(help: &str) -> Vec<String> {
     let options = lines.filter(|line| line.starts_with('-'));
     let options = options.map(|line| line.trim_start_matches("-h, ").trim_start_matches("-V, "));
     let ends = |letter: char| !letter.is_ascii_alphanumeric() && letter != '-';
-    options
-        .map(|line| line.split(ends).next().unwrap().to_owned())
-        .collect()
+    options.map(|line| line.split(ends).next().unwrap().to_owned()).collect()
 }
 
 #[test]

@@ -63,10 +63,7 @@ async fn flags_override_environment_parameters_and_file_in_this_order() {
 async fn the_address_of_the_master_in_the_file_is_overridden_by_ros() {
     let master = master().await;
     let device = Device::tcp(Board::new());
-    let text = format!(
-        "port = \"{}\"\nros_master_uri = \"http://127.0.0.1:1/\"\n",
-        device.port
-    );
+    let text = format!("port = \"{}\"\nros_master_uri = \"http://127.0.0.1:1/\"\n", device.port);
     let (_folder, path) = config(&text);
     let file = ("CORTICODE_CONFIG", &*path);
     let variable = ("ROS_MASTER_URI", master.uri());
@@ -103,11 +100,7 @@ fn the_file_of_the_user_is_found_and_applies_to_subcommands() {
 #[test]
 fn required_options_can_be_in_the_file() {
     let (_folder, path) = config("subject = \"ada\"\nmains = 50\n");
-    let calibrate = [
-        "calibrate",
-        "--output=/dev/null/model",
-        "--recording=/missing.gdf",
-    ];
+    let calibrate = ["calibrate", "--output=/dev/null/model", "--recording=/missing.gdf"];
     let log = Bridge::start_with(&calibrate, &[("CORTICODE_CONFIG", &path)]).failure(1);
     assert_has(&log, ["options from", "cannot be written to /dev/null"]);
     let log = Bridge::start_with(&calibrate, &[("CORTICODE_CONFIG", "/dev/null")]).failure(2);
@@ -128,10 +121,7 @@ fn an_unusable_file_is_status_2_and_the_message_names_file_line_and_key() {
     // Unit tests of the program check the messages of other mistakes.
     let (_folder, path) = config("# comment\nprot = \"/dev/null\"");
     let log = run(&path);
-    assert_has(
-        &log,
-        ["line 2: the key prot is not known; known are port, baud"],
-    );
+    assert_has(&log, ["line 2: the key prot is not known; known are port, baud"]);
 }
 
 #[test]

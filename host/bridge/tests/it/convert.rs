@@ -141,10 +141,7 @@ fn events_stand_at_their_samples_in_spite_of_loss_and_a_restart() {
         let (start_s, most_s) = (table.number(0, "time_s"), 0.02 + ticks / 512.0);
         for row in 0..table.rows.len() {
             let off_s = table.number(row, "time_s") - start_s - row as f64 * ticks / 512.0;
-            assert!(
-                off_s.abs() < most_s,
-                "{stream}: row {row} is stamped {off_s} s off"
-            );
+            assert!(off_s.abs() < most_s, "{stream}: row {row} is stamped {off_s} s off");
         }
     }
 }
@@ -163,9 +160,7 @@ fn events_after_an_outage_longer_than_the_bridge_fills_stand_at_their_samples() 
     let mut raw = Recording::open(folder.path().join("session.raw.gdf")).unwrap();
     let events = raw.events().unwrap();
     let events = events.iter();
-    let events: Vec<usize> = events
-        .map(|event| (event.onset_s * 512.0).round() as usize)
-        .collect();
+    let events: Vec<usize> = events.map(|event| (event.onset_s * 512.0).round() as usize).collect();
     let flags = raw.labels().iter().position(|label| *label == "status");
     let (mut block, mut ticks) = (Block::default(), Vec::new());
     while raw.read_block(&mut block).unwrap() {
@@ -202,18 +197,9 @@ fn rows_of_a_device_that_is_faster_than_the_host_are_whole_and_counted() {
     rig.run(2_400, 70);
     let lost = rig.lost;
     let log = all_formats_hold_the_same(rig, &["codes", "reconstructed"]);
-    assert_has(
-        &log,
-        [
-            "session.codes.npz: 2400 rows",
-            "reconstructed.npz: 19200 rows",
-        ],
-    );
+    assert_has(&log, ["session.codes.npz: 2400 rows", "reconstructed.npz: 19200 rows"]);
     assert_has(&log, [&format!("lost {lost} "), "s of the host's time: "]);
-    assert!(
-        lost > 20 && !log.contains("rows are not filled"),
-        "{lost} {log}"
-    );
+    assert!(lost > 20 && !log.contains("rows are not filled"), "{lost} {log}");
 }
 
 /// Converts a recording to all formats, and compares the files of each stream with the CSV file.
@@ -228,10 +214,7 @@ fn all_formats_hold_the_same(rig: Rig, streams: &[&str]) -> String {
     for stream in streams {
         let file = |to| folder.path().join(format!("session.{stream}.{to}"));
         let table = Table::read(&file("csv"));
-        assert!(
-            last.contains(&format!("{stream}.npz: {} rows", table.rows.len())),
-            "{last}"
-        );
+        assert!(last.contains(&format!("{stream}.npz: {} rows", table.rows.len())), "{last}");
         // The last argument is the tolerance in microvolts: none for GDF, because CSV holds enough
         // digits for a float32; for BDF the rounding to 24 bits of +-187,500 uV.
         compare(&table, Recording::open(file("gdf")).unwrap(), 0, 0.0);
@@ -448,11 +431,9 @@ fn events_beside_a_restart_stand_at_their_rows() {
 fn a_bdf_file_states_its_start_in_local_time() {
     let folder = tempfile::tempdir().unwrap();
     // The recordings of these tests start at 22:13:20 UTC on 14 November 2023.
-    for (zone, start) in [
-        ("UTC0", "14.11.2322.13.2"),
-        ("EST5", "14.11.2317.13.2"),
-        ("Nowhere/City", ""),
-    ] {
+    for (zone, start) in
+        [("UTC0", "14.11.2322.13.2"), ("EST5", "14.11.2317.13.2"), ("Nowhere/City", "")]
+    {
         let mut rig = Rig::with(Streams::CODES, 1, 0);
         rig.run(20, 10);
         let path = write(folder.path(), rig.finish());

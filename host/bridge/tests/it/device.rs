@@ -136,11 +136,7 @@ impl Device {
                 sleep(Duration::from_millis(1));
             }
         });
-        Device {
-            port,
-            controls,
-            thread: Some(thread),
-        }
+        Device { port, controls, thread: Some(thread) }
     }
 
     /// Returns the commands that the board received, oldest first.

@@ -41,10 +41,7 @@ static STRING: MessageType = MessageType {
     md5: "992ce8a1687cec8c8bd883ec73ca41d1",
     definition: "string data\n",
 };
-const OPTIONS: PublisherOptions = PublisherOptions {
-    queue: 1,
-    latch: false,
-};
+const OPTIONS: PublisherOptions = PublisherOptions { queue: 1, latch: false };
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_machine_in_order_is_status_0() {
@@ -72,10 +69,7 @@ async fn a_machine_in_order_is_status_0() {
         "use_sim_time",
     ] {
         let (finding, remedy) = found(&checks, name, "ok");
-        assert!(
-            text.contains(finding) && remedy.is_empty(),
-            "{name}: {text}"
-        );
+        assert!(text.contains(finding) && remedy.is_empty(), "{name}: {text}");
     }
     let (finding, _) = found(&checks, "device", "ok");
     assert!(finding.contains("board, firmware test") && finding.contains("wire format 1"));
@@ -168,18 +162,8 @@ async fn the_topics_of_the_streams_that_are_asked_for_are_checked() {
 fn a_port_of_another_device_or_none_is_status_1() {
     let (stranger, closing) = (stranger(u32::MAX), serve(drop));
     for (port, name, expected, help) in [
-        (
-            &*stranger,
-            "device",
-            "nothing here speaks Corticode",
-            "ports",
-        ),
-        (
-            &*closing,
-            "device",
-            "opens and closes again",
-            "end the other",
-        ),
+        (&*stranger, "device", "nothing here speaks Corticode", "ports"),
+        (&*closing, "device", "opens and closes again", "end the other"),
         ("/dev/ttyNOBODY", "port", "does not exist", "ports"),
         ("auto:NOBODY", "port", "no board NOBODY", "ports"),
     ] {

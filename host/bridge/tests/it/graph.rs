@@ -30,11 +30,7 @@ impl Graph {
         let master = master().await;
         let node = node("recorder", master.uri()).await;
         let device = Device::tcp(Board::new());
-        Graph {
-            master,
-            device,
-            node,
-        }
+        Graph { master, device, node }
     }
 
     /// Starts a bridge between the board and the master, with `more` arguments added.
@@ -55,16 +51,11 @@ impl Graph {
 }
 
 pub(crate) async fn master() -> Master {
-    Master::start(SocketAddr::from(([127, 0, 0, 1], 0)))
-        .await
-        .unwrap()
+    Master::start(SocketAddr::from(([127, 0, 0, 1], 0))).await.unwrap()
 }
 
 pub(crate) async fn node(name: &str, uri: &str) -> Node {
-    let options = NodeOptions {
-        host: Some("127.0.0.1".to_owned()),
-        ..NodeOptions::new(name, uri)
-    };
+    let options = NodeOptions { host: Some("127.0.0.1".to_owned()), ..NodeOptions::new(name, uri) };
     Node::start(options).await.unwrap()
 }
 
@@ -142,15 +133,9 @@ async fn codes_reach_a_subscriber_and_match_the_announcement() {
     assert_eq!(names[..5], parts.map(|part| format!("corticode: {part}")));
 
     node.call("/acquisition/stop", &EMPTY, &[]).await.unwrap();
-    until("Stop", async || {
-        device.received().last() == Some(&ToDevice::Stop)
-    })
-    .await;
+    until("Stop", async || device.received().last() == Some(&ToDevice::Stop)).await;
     node.call("/acquisition/start", &EMPTY, &[]).await.unwrap();
-    until("Start", async || {
-        matches!(device.received().last(), Some(ToDevice::Start(_)))
-    })
-    .await;
+    until("Start", async || matches!(device.received().last(), Some(ToDevice::Start(_)))).await;
     node.call("/acquisition/quit", &EMPTY, &[]).await.unwrap();
     let log = ended(bridge).await;
     assert!(log.contains("lost 0 "), "{log}");
@@ -163,11 +148,8 @@ async fn codes_reach_a_subscriber_and_match_the_announcement() {
 async fn the_bridge_registers_with_a_late_master_and_again_after_its_restart() {
     let first = master().await;
     let uri = first.uri().to_owned();
-    let address: SocketAddr = uri
-        .trim_start_matches("http://")
-        .trim_end_matches('/')
-        .parse()
-        .unwrap();
+    let address: SocketAddr =
+        uri.trim_start_matches("http://").trim_end_matches('/').parse().unwrap();
     first.shutdown().await;
     let device = Device::tcp(Board::new());
     let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", &uri]);
@@ -219,10 +201,7 @@ async fn node_and_topics_can_be_renamed_on_the_command_line() {
     let mut encoded = graph.subscribe("/neurodata").await;
     frame(&mut encoded).await;
     let quit = "/left/amplifier/quit";
-    until("the service", async || {
-        graph.node.call(quit, &EMPTY, &[]).await.is_ok()
-    })
-    .await;
+    until("the service", async || graph.node.call(quit, &EMPTY, &[]).await.is_ok()).await;
     ended(bridge).await;
 }
 
@@ -246,10 +225,7 @@ async fn a_number_on_packed_rate_becomes_the_rate_of_the_device() {
     ] {
         let graph = Graph::new().await;
         let _bridge = graph.bridge_with(&[&["--streams=packed"][..], prefix].concat());
-        let options = PublisherOptions {
-            queue: 4,
-            latch: true,
-        };
+        let options = PublisherOptions { queue: 4, latch: true };
         let rates = graph.node.advertise(topic, UInt8::TYPE, options).await;
         let rates = rates.unwrap();
         let asked = || graph.device.rates();

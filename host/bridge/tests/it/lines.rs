@@ -34,10 +34,7 @@ fn frames_are_written_as_lines_until_the_bridge_is_interrupted() {
     assert_eq!(last_seq, u64::from(made), "codes are missing at the end");
     let log = bridge.success();
     assert_has(&log, [&format!("made {made} received {made} lost 0")]);
-    assert!(
-        seen["/encoded"] > 20 && seen["/neurodata_reconstructed"] > 15,
-        "{seen:?}"
-    );
+    assert!(seen["/encoded"] > 20 && seen["/neurodata_reconstructed"] > 15, "{seen:?}");
 }
 
 #[test]
@@ -82,8 +79,7 @@ fn listed(section: &str) -> BTreeSet<String> {
     let (_, text) = PAGE.split_once(&title).unwrap();
     let text = text.split("\n## ").next().unwrap();
     let rows = text.lines().filter_map(|line| line.strip_prefix("| `"));
-    rows.map(|row| row.split('`').next().unwrap().to_owned())
-        .collect()
+    rows.map(|row| row.split('`').next().unwrap().to_owned()).collect()
 }
 
 /// Adds the paths of all fields in the JSON value at `path`, and of the fields of objects in lists.
@@ -91,11 +87,7 @@ fn collect(value: &Value, path: &str, fields: &mut BTreeSet<String>) {
     match value {
         Value::Object(object) => {
             for (name, value) in object {
-                let path = if path.is_empty() {
-                    name.clone()
-                } else {
-                    format!("{path}.{name}")
-                };
+                let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
                 collect(value, &path, fields);
             }
         }

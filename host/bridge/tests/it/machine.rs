@@ -34,10 +34,7 @@ fn namespaces(test: &str) -> bool {
         return true;
     }
     let required = std::env::var("CORTICODE_REQUIRE_ROS").is_ok_and(|value| value == "1");
-    assert!(
-        !required,
-        "{test} needs `unshare --user --mount`, and CORTICODE_REQUIRE_ROS is 1"
-    );
+    assert!(!required, "{test} needs `unshare --user --mount`, and CORTICODE_REQUIRE_ROS is 1");
     // Written to stderr directly, because the test harness captures `eprintln!`.
     let line = format!("SKIPPED: {test}: this user may not run `unshare --user --mount`\n");
     let _ = std::io::stderr().write_all(line.as_bytes());
@@ -100,9 +97,7 @@ fn auto_finds_the_board_again_at_another_port() {
     device.controls.unplugged.store(true, Relaxed);
     machine.unplug(2, "ttyACM0");
     device.controls.hang_up.store(true, Relaxed);
-    wait_until("the end of the port", || {
-        !device.controls.hang_up.load(Relaxed)
-    });
+    wait_until("the end of the port", || !device.controls.hang_up.load(Relaxed));
     machine.plug(3, "ttyACM0", OTHER, None);
     let made = device.controls.made.load(Relaxed);
     device.controls.unplugged.store(false, Relaxed);
@@ -141,11 +136,8 @@ fn selftest_reset_and_record_find_the_board_by_its_serial_number() {
     if !namespaces("--port auto:SERIAL") {
         return;
     }
-    let board = Board {
-        restarts_on_reset: true,
-        self_test: Some(SelfTest::default()),
-        ..Board::new()
-    };
+    let board =
+        Board { restarts_on_reset: true, self_test: Some(SelfTest::default()), ..Board::new() };
     let (machine, folder, _, device) = machine_with(board, "ttyACM3");
     machine.plug(3, "ttyACM0", OTHER, None);
     // The device prints its serial number in lower case, USB reports it in upper case.
@@ -187,10 +179,8 @@ fn ports_and_selftest_see_the_boards_of_the_machine() {
     assert_eq!(ports[0]["board"], "board");
     assert_eq!(ports[1]["driver"], "ftdi_sio");
     machine.plug(3, "ttyACM1", OTHER, None);
-    for arguments in [
-        &["selftest", "--port", "auto"][..],
-        &["--port", "auto", "--sink", "ndjson"],
-    ] {
+    for arguments in [&["selftest", "--port", "auto"][..], &["--port", "auto", "--sink", "ndjson"]]
+    {
         let (code, _, log) = run(arguments);
         assert_eq!(code, Some(2), "{log}");
         let listed = format!("{} (/dev/ttyACM0), 3B (/dev/ttyACM1)", BOARD.serial);

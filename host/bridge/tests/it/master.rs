@@ -15,12 +15,8 @@ use crate::process::{Bridge, free_address};
 async fn master(address: SocketAddr) -> (Bridge, String) {
     let master = Bridge::start(&["master", "--bind", &address.to_string()]);
     let uri = format!("http://127.0.0.1:{}/", address.port());
-    until("the master", async || {
-        call_ros(&uri, "getUri", &[Value::from("/test")])
-            .await
-            .is_ok()
-    })
-    .await;
+    until("the master", async || call_ros(&uri, "getUri", &[Value::from("/test")]).await.is_ok())
+        .await;
     (master, uri)
 }
 

@@ -18,10 +18,7 @@ use crate::device::Device;
 use crate::graph::{Graph, announcement, ended, frame, master, node, registered, subscribe, until};
 use crate::process::{Bridge, TIMEOUT};
 
-const QUEUE: PublisherOptions = PublisherOptions {
-    queue: 8,
-    latch: false,
-};
+const QUEUE: PublisherOptions = PublisherOptions { queue: 8, latch: false };
 
 async fn diagnostics(node: &Node) -> Subscriber {
     let type_ = DiagnosticArray::TYPE;
@@ -146,10 +143,8 @@ async fn the_status_outlets_shows_how_far_each_subscriber_is_behind() {
     frame(&mut encoded).await;
     let mut reports = diagnostics(&graph.node).await;
     let key = "messages behind: /recorder on /encoded";
-    let outlets = status(&mut reports, |status| {
-        status.values.iter().any(|value| value.key == key)
-    })
-    .await;
+    let outlets =
+        status(&mut reports, |status| status.values.iter().any(|value| value.key == key)).await;
     assert_eq!(outlets.name, "corticode: outlets");
     let lag = outlets.values.iter().find(|value| value.key == key);
     let lag = lag.unwrap().value.parse::<u32>().unwrap();
@@ -162,11 +157,7 @@ async fn parameters_on_the_server_set_options_and_unknown_ones_are_status_2() {
     let master = master().await;
     let device = Device::tcp(Board::new());
     let set = async |name: &str, value: Value| {
-        let arguments = [
-            Value::from("/test"),
-            format!("/acquisition/{name}").into(),
-            value,
-        ];
+        let arguments = [Value::from("/test"), format!("/acquisition/{name}").into(), value];
         let set = call_ros(master.uri(), "setParam", &arguments).await;
         set.unwrap();
     };

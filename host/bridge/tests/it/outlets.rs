@@ -29,15 +29,13 @@ fn every_outlet_has_the_same_frames_and_is_named_in_diagnostics_and_the_last_lin
     let mut bridge = start(&device, "view,ndjson", address);
     let messages = bridge.messages();
     let mut page = view(address);
-    let on_page: Vec<NeuroFrame> = (0..10)
-        .map(|_| NeuroFrame::from_bytes(&next(&mut page, 1)).unwrap())
-        .collect();
+    let on_page: Vec<NeuroFrame> =
+        (0..10).map(|_| NeuroFrame::from_bytes(&next(&mut page, 1)).unwrap()).collect();
     let (mut compared, mut reported) = (0, false);
     for (topic, message) in messages {
         if topic == "/encoded"
-            && let Some(frame) = on_page
-                .iter()
-                .find(|frame| message["neuroheader"]["seq"] == frame.neuroheader.seq)
+            && let Some(frame) =
+                on_page.iter().find(|frame| message["neuroheader"]["seq"] == frame.neuroheader.seq)
         {
             assert_eq!(serde_json::to_value(frame).unwrap(), message);
             compared += 1;
@@ -96,11 +94,7 @@ fn an_address_in_use_or_a_short_token_is_refused_with_advice() {
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap().to_string();
     for (option, value, expected) in [
-        (
-            "--view-address",
-            address.as_str(),
-            "--view-address 127.0.0.1:8062",
-        ),
+        ("--view-address", address.as_str(), "--view-address 127.0.0.1:8062"),
         ("--view-token", "short", "16 to 128 letters"),
     ] {
         let arguments = ["--port", "tcp:127.0.0.1:9", "--sink=view", option, value];

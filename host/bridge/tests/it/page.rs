@@ -34,19 +34,12 @@ impl Page {
     fn start_by(device: &Device, options: &[&str], start: impl Fn(&[&str]) -> Bridge) -> Page {
         let folder = tempfile::tempdir().unwrap();
         let address = free_address();
-        let (at, records) = (
-            address.to_string(),
-            folder.path().to_str().unwrap().to_owned(),
-        );
+        let (at, records) = (address.to_string(), folder.path().to_str().unwrap().to_owned());
         let arguments = ["--port", &device.port, "--sink=view", "--view-token", TOKEN];
         let view = ["--view-address", &at, "--record-dir", &records];
         let bridge = start(&[&arguments[..], &view, options].concat());
         wait_until("the live page", || TcpStream::connect(address).is_ok());
-        let page = Page {
-            bridge,
-            address,
-            folder,
-        };
+        let page = Page { bridge, address, folder };
         page.wait_for("device", |status| status.message.starts_with("streaming"));
         page
     }
@@ -89,11 +82,7 @@ impl Page {
         let mut reader = self.view();
         loop {
             let report = DiagnosticArray::from_bytes(&next(&mut reader, 5)).unwrap();
-            if report
-                .status
-                .iter()
-                .any(|one| one.name == name && wanted(one))
-            {
+            if report.status.iter().any(|one| one.name == name && wanted(one)) {
                 return;
             }
         }
@@ -112,9 +101,7 @@ impl Page {
 
 fn value<'s>(status: &'s DiagnosticStatus, key: &str) -> &'s str {
     let mut values = status.values.iter();
-    values
-        .find(|one| one.key == key)
-        .map_or("", |one| &one.value)
+    values.find(|one| one.key == key).map_or("", |one| &one.value)
 }
 
 #[test]
@@ -124,10 +111,7 @@ fn a_recording_begun_while_the_device_streams_is_converted_without_a_gap() {
     let page = Page::start(&device, &options);
     let message = page.done("record", "start")["message"].to_string();
     assert!(message.contains("recording to "), "{message}");
-    assert!(
-        page.refused("record", "start")
-            .contains("is being recorded already")
-    );
+    assert!(page.refused("record", "start").contains("is being recorded already"));
     let path = page.recording();
     wait_for_bytes(&path, 300_000);
     let marked = page.done("marker", "eyes closed");
@@ -209,10 +193,7 @@ fn is_shown_again(path: &Path) {
             panic!("{:?}", frame.tri.data);
         };
         assert_eq!((flags & 0x8000, lost), (0, 0), "{frame:?}");
-        assert!(
-            window < 200 && (last == 0 || window == last + 1),
-            "{last}, {window}"
-        );
+        assert!(window < 200 && (last == 0 || window == last + 1), "{last}, {window}");
         last = window;
     }
     bridge.end(Signal::TERM);
@@ -280,10 +261,7 @@ fn last_command(device: &Device) -> Option<ToDevice<'static>> {
 
 #[test]
 fn a_self_test_needs_a_stopped_device_and_its_table_is_the_answer() {
-    let device = Device::tcp(Board {
-        self_test: Some(SelfTest::default()),
-        ..Board::new()
-    });
+    let device = Device::tcp(Board { self_test: Some(SelfTest::default()), ..Board::new() });
     let page = Page::start(&device, &[]);
     assert!(page.refused("self-test", "").contains("stop it first"));
     assert_eq!(page.done("stop", "")["message"], "the device is stopped");
@@ -306,13 +284,8 @@ fn electrodes_and_rates_are_set_on_the_device() {
     let device = Device::tcp(Board::new());
     let page = Page::start(&device, &["--streams=codes,packed,events"]);
     let label = electrode(2);
-    let policy = |always, never| {
-        ToDevice::SetExclusion(ExclusionPolicy {
-            always,
-            never,
-            automatic: true,
-        })
-    };
+    let policy =
+        |always, never| ToDevice::SetExclusion(ExclusionPolicy { always, never, automatic: true });
     for (decision, always, never) in [("always", 4, 0), ("never", 0, 4), ("automatic", 0, 0)] {
         let done = page.done("exclude", &format!("{} {decision}", label.to_lowercase()));
         assert!(done["message"].as_str().unwrap().starts_with(&label));
@@ -331,10 +304,7 @@ fn electrodes_and_rates_are_set_on_the_device() {
     assert!(why.contains("its board or model cannot do that"), "{why}");
     assert!(page.refused("rate", "7").contains("--streams packed"));
     // Without events and a recording, nothing would keep a marker.
-    assert!(
-        page.refused("marker", "now")
-            .contains("start a recording first")
-    );
+    assert!(page.refused("marker", "now").contains("start a recording first"));
     page.done("record", "start");
     let marked = page.done("marker", "now");
     assert_eq!(marked["published"], false);

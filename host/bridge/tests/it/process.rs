@@ -39,29 +39,19 @@ impl Bridge {
 
     /// Starts a command that in turn runs the bridge.
     pub(crate) fn spawn_command(command: &mut Command) -> Bridge {
-        Bridge {
-            child: command.spawn().unwrap(),
-        }
+        Bridge { child: command.spawn().unwrap() }
     }
 
     fn command(arguments: &[&str], variables: &[(&str, &str)], stdout: Stdio) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_corticode-bridge"));
-        for variable in [
-            "ROS_MASTER_URI",
-            "ROS_NAMESPACE",
-            "ROS_HOSTNAME",
-            "RUST_LOG",
-        ] {
+        for variable in ["ROS_MASTER_URI", "ROS_NAMESPACE", "ROS_HOSTNAME", "RUST_LOG"] {
             command.env_remove(variable);
         }
         command.env("ROS_IP", "127.0.0.1").args(arguments);
         // Ignore the configuration file of the user who runs the tests.
         command.env("CORTICODE_CONFIG", "/dev/null");
         command.envs(variables.iter().copied());
-        command
-            .stdin(Stdio::null())
-            .stdout(stdout)
-            .stderr(Stdio::piped());
+        command.stdin(Stdio::null()).stdout(stdout).stderr(Stdio::piped());
         command
     }
 
@@ -191,9 +181,7 @@ pub(crate) fn serve(mut serve: impl FnMut(std::net::TcpStream) + Send + 'static)
 
 /// Waits until the file at `path` has at least `bytes` bytes.
 pub(crate) fn wait_for_bytes(path: &Path, bytes: u64) {
-    wait_until("the recording", || {
-        std::fs::metadata(path).is_ok_and(|file| file.len() >= bytes)
-    });
+    wait_until("the recording", || std::fs::metadata(path).is_ok_and(|file| file.len() >= bytes));
 }
 
 pub(crate) fn wait_until(what: &str, mut holds: impl FnMut() -> bool) {

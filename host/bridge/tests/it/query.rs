@@ -9,16 +9,9 @@ use crate::device::Device;
 use crate::process::{Bridge, free_address};
 
 fn result(fault: ChannelFault) -> SelfTest {
-    let chip = ChipTest {
-        id: 0x3E,
-        ..ChipTest::default()
-    };
-    let channel = ChannelTest {
-        noise_uv: 0.14,
-        shorted_noise_uv: 0.14,
-        fault,
-        ..ChannelTest::default()
-    };
+    let chip = ChipTest { id: 0x3E, ..ChipTest::default() };
+    let channel =
+        ChannelTest { noise_uv: 0.14, shorted_noise_uv: 0.14, fault, ..ChannelTest::default() };
     SelfTest {
         drdy_millihertz: 512_000,
         expected_millihertz: 512_000,
@@ -29,10 +22,7 @@ fn result(fault: ChannelFault) -> SelfTest {
 }
 
 fn board(fault: ChannelFault) -> Board {
-    Board {
-        self_test: Some(result(fault)),
-        ..Board::new()
-    }
+    Board { self_test: Some(result(fault)), ..Board::new() }
 }
 
 /// Runs the program with these arguments until it exits. Returns exit status, stdout and stderr.
@@ -46,10 +36,7 @@ fn a_device_in_order_is_status_0_and_stdout_has_only_the_table() {
     let (code, text, log) = run_query(&["selftest", "--port", &device.port]);
     assert_eq!((code, &*log), (Some(0), ""), "{text}");
     assert!(text.starts_with("device  board, firmware test"), "{text}");
-    assert!(
-        text.ends_with("\nall in order: 8 chips, 64 channels\n"),
-        "{text}"
-    );
+    assert!(text.ends_with("\nall in order: 8 chips, 64 channels\n"), "{text}");
     let stopped = [ToDevice::Identify, ToDevice::Stop, ToDevice::SelfTest];
     assert_eq!(device.received(), stopped);
 }
@@ -84,10 +71,7 @@ fn a_reset_prints_the_bootloader_or_the_restarted_device() {
     let (code, text, _) = run_query(&["reset", "--bootloader", "--port", &device.port]);
     assert_eq!(code, Some(0));
     assert!(text.contains("starts its bootloader"), "{text}");
-    let device = Device::tcp(Board {
-        restarts_on_reset: true,
-        ..Board::new()
-    });
+    let device = Device::tcp(Board { restarts_on_reset: true, ..Board::new() });
     let (code, text, log) = run_query(&["reset", "--port", &device.port]);
     assert_eq!(code, Some(0), "{log}");
     assert!(text.contains("started by power on"), "{text}");
@@ -113,19 +97,13 @@ fn an_update_reads_file_and_board_before_it_resets_anything() {
         content: vec![1; 1000],
     };
     let file = image.to_dfu().unwrap();
-    for (file, why) in [
-        (&file[..500], "its end is missing"),
-        (&b"\x7fELF"[..], "no DFU file"),
-    ] {
+    for (file, why) in [(&file[..500], "its end is missing"), (&b"\x7fELF"[..], "no DFU file")] {
         let log = update(file);
         assert!(log.contains(path) && log.contains(why), "{log}");
     }
     assert_eq!(device.received(), []);
     let log = update(&file);
-    assert!(
-        log.contains("the image is for a NUCLEO-H743ZI2, and the device is a board"),
-        "{log}"
-    );
+    assert!(log.contains("the image is for a NUCLEO-H743ZI2, and the device is a board"), "{log}");
     assert_eq!(device.received(), [ToDevice::Identify]);
     let (code, _, log) = run_query(&["update", "/nowhere.dfu", "--port", &device.port]);
     assert_eq!(code, Some(2), "{log}");

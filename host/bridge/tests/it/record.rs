@@ -93,10 +93,7 @@ fn a_recording_that_was_killed_is_readable_to_its_last_whole_frame() {
         let content = read(&path);
         assert_eq!(content.left_out.within, 0);
         let recorded = u32::try_from(content.windows.len()).unwrap();
-        assert!(
-            content.windows.iter().copied().eq(0..recorded),
-            "{content:?}"
-        );
+        assert!(content.windows.iter().copied().eq(0..recorded), "{content:?}");
         codes += recorded;
     }
     assert!(codes > 100, "only {codes} codes in 100 rounds");
@@ -150,11 +147,7 @@ fn packed_blocks_have_the_models_rate_unless_the_device_has_another_model() {
     for (model_id, rates) in [(Board::new().model_id, vec![4]), ([9; 8], vec![])] {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("recording");
-        let device = Device::tcp(Board {
-            model_id,
-            rate: 9,
-            ..Board::new()
-        });
+        let device = Device::tcp(Board { model_id, rate: 9, ..Board::new() });
         let recorder = start(&device, &path, &["--streams=packed"]);
         wait_for_bytes(&path, 20_000);
         let log = recorder.end(Signal::TERM);

@@ -44,10 +44,7 @@ async fn record(graph: &Graph, name: &str, asks: bool) -> (i64, [i64; 2], [Stamp
     for event in &mut stamped {
         let body = timeout(TIMEOUT, events.recv()).await.unwrap().unwrap();
         let message = NeuroEvent::from_bytes(&body).unwrap();
-        *event = (
-            message.neuroheader.seq.into(),
-            message.header.stamp.nanoseconds(),
-        );
+        *event = (message.neuroheader.seq.into(), message.header.stamp.nanoseconds());
     }
     (first, [called_ns, arrival_ns], stamped)
 }
@@ -55,11 +52,7 @@ async fn record(graph: &Graph, name: &str, asks: bool) -> (i64, [i64; 2], [Stamp
 #[tokio::test]
 async fn each_recorder_gets_an_event_at_its_own_place_and_others_at_its_time() {
     let graph = Graph::new().await;
-    let streams = [
-        "--streams=codes,raw,events",
-        "--announce=raw",
-        "--stamp=arrival",
-    ];
+    let streams = ["--streams=codes,raw,events", "--announce=raw", "--stamp=arrival"];
     let _bridge = graph.bridge_with(&streams);
     // The board makes 32 samples, 62.5 ms at the stated rate, every 20 ms, and edge n at sample
     // 32 (10 n - 1), which is also the row.
@@ -81,8 +74,5 @@ async fn each_recorder_gets_an_event_at_its_own_place_and_others_at_its_time() {
     let (_, _, events) = record(&graph, "viewer", false).await;
     let apart_ns = events[2].1 - events[0].1;
     // Events 0 and 2 are 20 codes apart, which take 0.4 s.
-    assert!(
-        (300_000_000..500_000_000).contains(&apart_ns),
-        "{apart_ns} ns"
-    );
+    assert!((300_000_000..500_000_000).contains(&apart_ns), "{apart_ns} ns");
 }

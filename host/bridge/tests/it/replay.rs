@@ -112,10 +112,7 @@ fn a_host_that_asks_for_no_codes_gets_none() {
     let mut rig = Rig::new(0);
     rig.run(20, 7);
     let mut replayer = Replayer::new(Cursor::new(rig.finish()), Pace::Fast).unwrap();
-    let start = ToDevice::Start(Start {
-        streams: Streams::FILTERED,
-        mains_hz: 0,
-    });
+    let start = ToDevice::Start(Start { streams: Streams::FILTERED, mains_hz: 0 });
     let mut buffer = [0; MAX_FRAME];
     let bytes = Encoder::starting_at(0).encode(0, &start, &mut buffer);
     replayer.receive(bytes.unwrap()).unwrap();

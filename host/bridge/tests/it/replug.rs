@@ -69,10 +69,7 @@ fn totals(log: &str) -> [u32; 5] {
 fn a_pseudoterminal_that_returns_under_another_name_is_reopened_and_so_is_a_broken_connection() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("board");
-    for (device, times) in [
-        (Device::pty(Board::new(), &path), 8),
-        (Device::tcp(Board::new()), 3),
-    ] {
+    for (device, times) in [(Device::pty(Board::new(), &path), 8), (Device::tcp(Board::new()), 3)] {
         let (outages, log) = replug(&device, Bridge::ndjson(&device.port), times);
         println!("{log}\nback after {outages:?}");
         let [made, received, lost, fillers, connections] = totals(&log);
@@ -97,10 +94,7 @@ fn a_simulator_that_starts_again_at_its_port_is_a_restart_and_no_bad_link() {
     drop(device);
     std::fs::remove_file(&path).unwrap();
     std::thread::sleep(Duration::from_secs(1));
-    let again = Board {
-        session_id: 2,
-        ..Board::new()
-    };
+    let again = Board { session_id: 2, ..Board::new() };
     let _again = Device::pty(again, &path);
     let is_new_run = |frame: &Value| frame["tri"]["data"][1] == 0;
     while !is_new_run(&frames.recv_timeout(TIMEOUT).unwrap().1) {}
@@ -108,10 +102,7 @@ fn a_simulator_that_starts_again_at_its_port_is_a_restart_and_no_bad_link() {
     std::thread::sleep(Duration::from_millis(1500));
     let log = bridge.end(Signal::TERM);
     assert!(log.contains("the device was reset or replaced"), "{log}");
-    assert!(
-        log.contains("are missing between two runs of the device"),
-        "{log}"
-    );
+    assert!(log.contains("are missing between two runs of the device"), "{log}");
     assert!(!log.contains("bad link"), "{log}");
 }
 

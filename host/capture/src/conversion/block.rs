@@ -20,13 +20,8 @@ pub(crate) enum Stream {
 impl Stream {
     /// All streams in the order of their discriminants, which index arrays with an element per
     /// stream.
-    pub(crate) const ALL: [Stream; STREAMS] = [
-        Stream::Codes,
-        Stream::Reconstructed,
-        Stream::Raw,
-        Stream::Filtered,
-        Stream::Predictions,
-    ];
+    pub(crate) const ALL: [Stream; STREAMS] =
+        [Stream::Codes, Stream::Reconstructed, Stream::Raw, Stream::Filtered, Stream::Predictions];
 
     /// Returns the part of a file's name that names the stream, such as `raw` in `a.raw.gdf`.
     pub(crate) fn name(self) -> &'static str {
@@ -80,13 +75,10 @@ impl Block {
     pub(crate) fn values(&self, row: usize) -> impl Iterator<Item = f32> {
         let of = |data: &'_ [f32], width: u16| {
             let width = usize::from(width);
-            data.get(row * width..(row + 1) * width)
-                .unwrap_or_default()
-                .to_vec()
+            data.get(row * width..(row + 1) * width).unwrap_or_default().to_vec()
         };
         let eeg = of(&self.frame.eeg.data, self.frame.eeg.info.nchannels);
-        eeg.into_iter()
-            .chain(of(&self.frame.exg.data, self.frame.exg.info.nchannels))
+        eeg.into_iter().chain(of(&self.frame.exg.data, self.frame.exg.info.nchannels))
     }
 
     /// Returns the status words of row `row`, in the order of [`TRI_LABELS`].

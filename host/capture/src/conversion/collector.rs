@@ -235,11 +235,7 @@ impl<L: Listener> Effects for Collector<L> {
     }
 
     fn publish_encoded(&mut self, frame: &NeuroFrame) {
-        self.publish(
-            Stream::Codes,
-            frame,
-            self.delay_us(|device| device.window_steps),
-        );
+        self.publish(Stream::Codes, frame, self.delay_us(|device| device.window_steps));
     }
 
     fn decode(&mut self, window: TimedCode) {
@@ -264,16 +260,9 @@ impl<L: Listener> Effects for Collector<L> {
             return;
         };
         // The block completes the frame of the block before it, which may be of an earlier run.
-        let newest = PassedBlock {
-            run: self.run,
-            is_received: block.block.is_some(),
-        };
+        let newest = PassedBlock { run: self.run, is_received: block.block.is_some() };
         let before = std::mem::replace(&mut self.newest_packed, newest);
-        let frame = if L::DECODES {
-            packed.next_frame(&block)
-        } else {
-            packed.next_times(&block)
-        };
+        let frame = if L::DECODES { packed.next_frame(&block) } else { packed.next_times(&block) };
         if let Some(frame) = frame {
             self.publish_packed(before, frame, delay_us);
         }
@@ -296,10 +285,7 @@ impl<L: Listener> Effects for Collector<L> {
     }
 
     fn publish_filtered(&mut self, frame: &NeuroFrame) {
-        let delay_us = self
-            .device
-            .as_ref()
-            .map_or(0, |device| device.group_delay_us);
+        let delay_us = self.device.as_ref().map_or(0, |device| device.group_delay_us);
         self.publish(Stream::Filtered, frame, delay_us.into());
     }
 
@@ -308,11 +294,7 @@ impl<L: Listener> Effects for Collector<L> {
             return;
         };
         let frame = prediction_frame(device, prediction, words);
-        self.publish(
-            Stream::Predictions,
-            &frame,
-            self.delay_us(|device| device.hop_steps),
-        );
+        self.publish(Stream::Predictions, &frame, self.delay_us(|device| device.hop_steps));
     }
 
     fn publish_event(&mut self, event: &NeuroEvent, _: EventPlace) {
@@ -362,14 +344,8 @@ fn prediction_frame(device: &Device, prediction: &NeuroOutput, words: TriWords) 
     let mut frame = NeuroFrame::zeros(rate_hz, "classifier", soft.info.clone(), decision);
     frame.header.stamp = prediction.header.stamp;
     frame.eeg.data.copy_from_slice(&soft.data);
-    #[expect(
-        clippy::cast_precision_loss,
-        reason = "the codes of a classifier have 16 bits"
-    )]
-    frame
-        .exg
-        .data
-        .fill(chosen.map(|(_, code)| *code).sum::<i32>() as f32);
+    #[expect(clippy::cast_precision_loss, reason = "the codes of a classifier have 16 bits")]
+    frame.exg.data.fill(chosen.map(|(_, code)| *code).sum::<i32>() as f32);
     frame.tri.data.copy_from_slice(&words.words());
     frame
 }

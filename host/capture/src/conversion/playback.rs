@@ -72,10 +72,7 @@ impl<L: Listener> Playback<L> {
         self.collector.elapsed_s = u64::try_from(since_first_us / 1_000_000).unwrap_or(0);
         // Tick the core only when the time changes: frames that were read together have the same
         // time, and the core sends commands only after the last of them.
-        if self
-            .due
-            .is_some_and(|due| due.monotonic_us != time.monotonic_us)
-        {
+        if self.due.is_some_and(|due| due.monotonic_us != time.monotonic_us) {
             self.tick();
         }
         self.pass_time(time);
@@ -166,10 +163,7 @@ impl<L: Listener> Playback<L> {
                 _ if self.renumbering != Renumbering::Off => {
                     // Replace a message from before the recording by an acknowledgement of no
                     // command, so that its frame does not count as lost.
-                    let none = ToHost::Ack(Ack {
-                        of: NOT_SENT,
-                        result: AckResult::Done,
-                    });
+                    let none = ToHost::Ack(Ack { of: NOT_SENT, result: AckResult::Done });
                     let message = self.renumbering.apply(&frame.message).unwrap_or(none);
                     changed = encoded(&frame.header, &message);
                 }
@@ -198,8 +192,7 @@ impl<L: Listener> Playback<L> {
             while let Some(Ok(frame)) = decoder.next::<ToDevice>(&mut bytes) {
                 let kind = discriminant(&frame.message);
                 self.own.retain(|(_, known)| discriminant(known) != kind);
-                self.own
-                    .push((frame.header.seq, frame.message.without_bytes()));
+                self.own.push((frame.header.seq, frame.message.without_bytes()));
             }
         }
     }

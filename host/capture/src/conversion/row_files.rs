@@ -86,11 +86,7 @@ impl CsvRows {
         }
         writeln!(out)?;
         let events = file.events.iter().rev();
-        Ok(CsvRows {
-            out,
-            row: 0,
-            events: events.map(|(row, event)| (*row, event.code)).collect(),
-        })
+        Ok(CsvRows { out, row: 0, events: events.map(|(row, event)| (*row, event.code)).collect() })
     }
 }
 
@@ -129,11 +125,7 @@ fn seconds(units: i64, digits: u32) -> String {
     let one = 10_i64.pow(digits);
     let sign = if units < 0 { "-" } else { "" };
     let (whole, rest) = (units / one, (units % one).abs());
-    format!(
-        "{sign}{}.{rest:0width$}",
-        whole.abs(),
-        width = digits as usize
-    )
+    format!("{sign}{}.{rest:0width$}", whole.abs(), width = digits as usize)
 }
 
 /// Status words that a GDF or BDF file holds as signals: index in [`TRI_LABELS`], and label.
@@ -159,10 +151,7 @@ impl RecordRows {
     pub(crate) fn gdf(out: File, file: &StreamFile<'_>) -> io::Result<RecordRows> {
         let writer = GdfWriter::new(BufWriter::new(out), &file_to_write(file))?;
         let events = file.events.iter().map(|(row, event)| (*row, event.code));
-        Ok(RecordRows {
-            file: RecordFile::Gdf(writer, events.collect()),
-            values: Vec::new(),
-        })
+        Ok(RecordRows { file: RecordFile::Gdf(writer, events.collect()), values: Vec::new() })
     }
 
     pub(crate) fn bdf(out: File, file: &StreamFile<'_>) -> io::Result<RecordRows> {
@@ -170,10 +159,7 @@ impl RecordRows {
         let texts = events.map(|(row, event)| (*row..*row, event.description.clone()));
         let (out, to_write) = (BufWriter::new(out), file_to_write(file));
         let writer = EdfWriter::bdf(out, &to_write, file.rows, texts.collect())?;
-        Ok(RecordRows {
-            file: RecordFile::Bdf(writer),
-            values: Vec::new(),
-        })
+        Ok(RecordRows { file: RecordFile::Bdf(writer), values: Vec::new() })
     }
 }
 
@@ -206,10 +192,8 @@ fn file_to_write(file: &StreamFile<'_>) -> FileToWrite {
     let frame = file.first;
     let channels = [&frame.eeg.info, &frame.exg.info].into_iter();
     let words = signals(&frame.tri.info).collect::<Vec<_>>();
-    let words = WORD_SIGNALS.map(|(index, label)| SignalToWrite {
-        label: label.to_owned(),
-        ..words[index].clone()
-    });
+    let words = WORD_SIGNALS
+        .map(|(index, label)| SignalToWrite { label: label.to_owned(), ..words[index].clone() });
     FileToWrite {
         signals: channels.flat_map(signals).chain(words).collect(),
         rate_hz: frame.sr.into(),
@@ -226,12 +210,7 @@ fn signals(info: &NeuroDataInfo) -> impl Iterator<Item = SignalToWrite> {
     let is_microvolt = info.unit == "uV";
     let is_integer = info.isint != 0;
     let labels = info.labels.iter();
-    labels.map(move |label| SignalToWrite {
-        label: label.clone(),
-        is_microvolt,
-        is_integer,
-        range,
-    })
+    labels.map(move |label| SignalToWrite { label: label.clone(), is_microvolt, is_integer, range })
 }
 
 /// Writes a file for `numpy.load`: the arrays `labels`, `words`, `rate_hz`, `events` and `rows`.
@@ -268,10 +247,7 @@ impl NpzRows {
             labels.len()
         );
         npz.start_array("rows", &fields, &[file.rows])?;
-        Ok(NpzRows {
-            file: npz,
-            row: Vec::new(),
-        })
+        Ok(NpzRows { file: npz, row: Vec::new() })
     }
 }
 
@@ -280,8 +256,7 @@ impl RowWriter for NpzRows {
         for row in 0..block.rows() {
             let offset_us = block.offset_us(row);
             self.row.clear();
-            self.row
-                .extend((block.wall_ns + offset_us * 1000).to_le_bytes());
+            self.row.extend((block.wall_ns + offset_us * 1000).to_le_bytes());
             self.row.extend((block.first_us + offset_us).to_le_bytes());
             for word in block.words(row) {
                 self.row.extend(&word.to_le_bytes()[..2]);
@@ -305,10 +280,7 @@ mod tests {
 
     #[test]
     fn seconds_have_all_digits_and_their_sign() {
-        assert_eq!(
-            seconds(1_700_000_000_000_000_001, 9),
-            "1700000000.000000001"
-        );
+        assert_eq!(seconds(1_700_000_000_000_000_001, 9), "1700000000.000000001");
         assert_eq!(seconds(-1_500, 6), "-0.001500");
         assert_eq!(seconds(-2_000_001, 6), "-2.000001");
     }

@@ -96,9 +96,7 @@ impl StreamSurvey {
         };
         let at = self.anchors.partition_point(not_later);
         let next = self.anchors.get(at);
-        let before = self.anchors[..at]
-            .last()
-            .filter(|anchor| anchor.run == event.run);
+        let before = self.anchors[..at].last().filter(|anchor| anchor.run == event.run);
         let Some(before) = before else {
             return next.map_or(self.rows, |next| next.row);
         };
@@ -122,9 +120,7 @@ impl StreamSurvey {
 
     /// Returns the number of rows per second; 1 if the stream has no rows.
     fn rate_hz(&self) -> u64 {
-        self.first
-            .as_ref()
-            .map_or(1, |frame| frame.sr.max(1).into())
+        self.first.as_ref().map_or(1, |frame| frame.sr.max(1).into())
     }
 
     /// Returns the number of rows in `us` microseconds, rounded up.

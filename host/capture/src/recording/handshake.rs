@@ -141,10 +141,7 @@ impl Handshake {
         let frames = introduction.len() + self.acknowledged.len();
         let mut header = Header {
             version: VERSION,
-            seq: self
-                .seq
-                .wrapping_sub(u32::try_from(frames).unwrap_or(0))
-                .wrapping_add(1),
+            seq: self.seq.wrapping_sub(u32::try_from(frames).unwrap_or(0)).wrapping_add(1),
             device_time_us: self.device_us.saturating_add_signed(since_us),
         };
         let mut receive = |recorder: &mut Recorder, message: &ToHost| {
@@ -155,10 +152,8 @@ impl Handshake {
             header.seq = header.seq.wrapping_add(1);
         };
         let identify = discriminant(&ToDevice::Identify);
-        let (first, others): (Vec<_>, Vec<_>) = self
-            .acknowledged
-            .iter()
-            .partition(|(command, _)| command.kind == identify);
+        let (first, others): (Vec<_>, Vec<_>) =
+            self.acknowledged.iter().partition(|(command, _)| command.kind == identify);
         for (command, _) in &first {
             recorder.sent(&command.frame, now);
         }

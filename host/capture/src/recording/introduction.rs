@@ -70,12 +70,7 @@ impl Introduction {
 
     /// Returns the bytes of the introduction's frames, in the order in which a device sends them.
     pub(crate) fn payloads(&self) -> Vec<Vec<u8>> {
-        let frames = [
-            &self.hello,
-            &self.substitutes,
-            &self.capabilities,
-            &self.converters,
-        ];
+        let frames = [&self.hello, &self.substitutes, &self.capabilities, &self.converters];
         frames.into_iter().flatten().cloned().collect()
     }
 }
@@ -109,10 +104,7 @@ impl RecordedStarts {
     pub(crate) fn acknowledged_by(&self, mut payload: &[u8]) -> Option<Streams> {
         let mut decoder = Decoder::<MAX_FRAME>::new();
         match decoder.next::<ToHost>(&mut payload)?.ok()?.message {
-            ToHost::Ack(Ack {
-                of,
-                result: AckResult::Done,
-            }) => self.0.get(&of).copied().flatten(),
+            ToHost::Ack(Ack { of, result: AckResult::Done }) => self.0.get(&of).copied().flatten(),
             _ => None,
         }
     }
@@ -143,10 +135,7 @@ mod tests {
                 fault: "",
             }))
         };
-        let substitutes = frame(&ToHost::Substitutes(Substitutes {
-            interpolated: 1,
-            zero: 0,
-        }));
+        let substitutes = frame(&ToHost::Substitutes(Substitutes { interpolated: 1, zero: 0 }));
         let mut introduction = Introduction::default();
         let mut payloads = Vec::new();
         for payload in [&hello(1), &substitutes, &hello(1), &hello(2)] {

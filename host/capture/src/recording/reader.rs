@@ -122,8 +122,7 @@ impl<R: Read> RecordingReader<R> {
             let before = self.buffer.len();
             self.buffer.resize(before + BLOCK, 0);
             let read = self.source.read(&mut self.buffer[before..]);
-            self.buffer
-                .truncate(before + read.as_ref().map_or(0, |count| *count));
+            self.buffer.truncate(before + read.as_ref().map_or(0, |count| *count));
             match read {
                 Ok(0) => {
                     self.at_end = true;
@@ -145,8 +144,7 @@ impl<R: Read + Seek> RecordingReader<R> {
     ///
     /// [`RecordingError::Read`] if the operating system cannot do so.
     pub(crate) fn rewind(&mut self) -> Result<(), RecordingError> {
-        self.source
-            .seek(SeekFrom::Start(FileHeader::BYTES as u64))?;
+        self.source.seek(SeekFrom::Start(FileHeader::BYTES as u64))?;
         self.buffer.clear();
         self.position = 0;
         self.at_end = false;

@@ -100,11 +100,7 @@ impl Recorder {
 
     fn append(&mut self, kind: RecordKind, time: HostTime, payload: &[u8]) {
         let before = self.unwritten.len();
-        let record = Record {
-            kind,
-            time,
-            payload,
-        };
+        let record = Record { kind, time, payload };
         record.encode(&mut self.unwritten);
         self.bytes += (self.unwritten.len() - before) as u64;
     }
@@ -119,10 +115,7 @@ mod tests {
 
     /// Records each of `chunks` as one read from a device. Returns the records' payloads.
     fn split(chunks: &[Vec<u8>]) -> Vec<Vec<u8>> {
-        let time = HostTime {
-            monotonic_us: 0,
-            wall_ns: 0,
-        };
+        let time = HostTime { monotonic_us: 0, wall_ns: 0 };
         let mut recorder = Recorder::new(FileHeader {
             created_ns: 0,
             streams: link::Streams::empty(),

@@ -24,10 +24,7 @@ impl Hop {
         let samples = steps * u64::from(capabilities.adc_rate_hz);
         let rate = u64::from(capabilities.step_rate_hz);
         let is_whole = steps > 0 && samples > 0 && rate > 0 && samples.is_multiple_of(rate);
-        is_whole.then(|| Hop {
-            steps,
-            samples: samples / rate,
-        })
+        is_whole.then(|| Hop { steps, samples: samples / rate })
     }
 }
 
@@ -93,22 +90,16 @@ fn renumber<'m>(message: &ToHost<'m>, hop: Hop, hops: u32) -> Option<ToHost<'m>>
             first_sample: code.first_sample.saturating_sub(samples),
             ..*code
         }),
-        ToHost::PackedCode(code) => ToHost::PackedCode(PackedCode {
-            block: hop_index(code.block)?,
-            ..*code
-        }),
-        ToHost::Features(features) => ToHost::Features(Features {
-            hop: hop_index(features.hop)?,
-            ..*features
-        }),
-        ToHost::Audit(audit) => ToHost::Audit(Audit {
-            window: hop_index(audit.window)?,
-            ..*audit
-        }),
-        ToHost::Raw(raw) => ToHost::Raw(Raw {
-            first_sample: raw.first_sample.checked_sub(samples)?,
-            ..*raw
-        }),
+        ToHost::PackedCode(code) => {
+            ToHost::PackedCode(PackedCode { block: hop_index(code.block)?, ..*code })
+        }
+        ToHost::Features(features) => {
+            ToHost::Features(Features { hop: hop_index(features.hop)?, ..*features })
+        }
+        ToHost::Audit(audit) => ToHost::Audit(Audit { window: hop_index(audit.window)?, ..*audit }),
+        ToHost::Raw(raw) => {
+            ToHost::Raw(Raw { first_sample: raw.first_sample.checked_sub(samples)?, ..*raw })
+        }
         ToHost::CompressedRaw(raw) => ToHost::CompressedRaw(CompressedRaw {
             first_sample: raw.first_sample.checked_sub(samples)?,
             ..*raw
@@ -117,10 +108,9 @@ fn renumber<'m>(message: &ToHost<'m>, hop: Hop, hops: u32) -> Option<ToHost<'m>>
             first_step: filtered.first_step.checked_sub(steps)?,
             ..*filtered
         }),
-        ToHost::Event(event) => ToHost::Event(Event {
-            sample: event.sample.checked_sub(samples)?,
-            ..*event
-        }),
+        ToHost::Event(event) => {
+            ToHost::Event(Event { sample: event.sample.checked_sub(samples)?, ..*event })
+        }
         ToHost::Quality(quality) => ToHost::Quality(Quality {
             first_sample: quality.first_sample.saturating_sub(samples),
             ..quality.clone()
@@ -146,10 +136,7 @@ mod tests {
 
     use super::{Hop, Renumbering, hop_of};
 
-    const HOP: Hop = Hop {
-        steps: 8,
-        samples: 32,
-    };
+    const HOP: Hop = Hop { steps: 8, samples: 32 };
 
     /// Returns a message of each kind that has the index of a hop, for the hop `hop`.
     fn numbered(hop: u32) -> [ToHost<'static>; 4] {
@@ -173,13 +160,7 @@ mod tests {
                 saturated: 0,
                 bytes: &[],
             }),
-            ToHost::Features(Features {
-                id: 1,
-                hop,
-                flags,
-                saturated: 0,
-                levels: &[0],
-            }),
+            ToHost::Features(Features { id: 1, hop, flags, saturated: 0, levels: &[0] }),
             ToHost::Audit(Audit {
                 model_id: [1; 8],
                 window: hop,
@@ -222,11 +203,7 @@ mod tests {
     }
 
     fn exclusion(first_step: u64) -> ToHost<'static> {
-        ToHost::Exclusion(Exclusion {
-            first_step,
-            excluded: 1,
-            policy: ExclusionPolicy::AUTOMATIC,
-        })
+        ToHost::Exclusion(Exclusion { first_step, excluded: 1, policy: ExclusionPolicy::AUTOMATIC })
     }
 
     #[test]

@@ -160,9 +160,7 @@ impl<R: Read + Seek> Replayer<R> {
     pub fn play(&mut self, now_us: i64) -> Result<(), RecordingError> {
         while let Some((time_us, payload)) = self.next.take_if(|_| self.state == State::Playing) {
             let started_us = self.started_us;
-            let offset_us = *self
-                .offset_us
-                .get_or_insert(now_us.saturating_sub(started_us));
+            let offset_us = *self.offset_us.get_or_insert(now_us.saturating_sub(started_us));
             if self.pace == Pace::RealTime && time_us.saturating_add(offset_us) > now_us {
                 self.next = Some((time_us, payload));
                 return Ok(());
@@ -190,10 +188,7 @@ impl<R: Read + Seek> Replayer<R> {
                 if !self.restarted {
                     self.state = State::Stopped;
                 }
-                let stats = Stats {
-                    next_window: self.next_window,
-                    ..Stats::default()
-                };
+                let stats = Stats { next_window: self.next_window, ..Stats::default() };
                 self.send(&ToHost::Stats(stats));
                 AckResult::Done
             }
@@ -323,11 +318,7 @@ impl<R: Read + Seek> Replayer<R> {
 
     fn pass_on_frame(&mut self, frame: &Frame<ToHost>, payload: &[u8]) {
         // A gap in the recorded sequence numbers becomes a gap in the replay's sequence numbers.
-        let Header {
-            seq,
-            device_time_us,
-            ..
-        } = frame.header;
+        let Header { seq, device_time_us, .. } = frame.header;
         let is_hello = matches!(frame.message, ToHost::Hello(_));
         let gap = match self.recorded_seq {
             Some(before) if !is_hello => seq.wrapping_sub(before).wrapping_sub(1),
@@ -390,11 +381,7 @@ impl<R: Read + Seek> Replayer<R> {
 
     /// Sends a message with the replay's next sequence number and the newest frame's device time.
     fn send(&mut self, message: &ToHost) {
-        let header = Header {
-            version: VERSION,
-            seq: self.seq,
-            device_time_us: self.device_us,
-        };
+        let header = Header { version: VERSION, seq: self.seq, device_time_us: self.device_us };
         self.seq = self.seq.wrapping_add(1);
         let mut buffer = [0; MAX_FRAME];
         // Every message was read from a frame, so it fits into a frame.

@@ -68,11 +68,7 @@ fn started(recording: Vec<u8>, pace: Pace) -> Option<Replayer<Cursor<Vec<u8>>>> 
         streams: Streams::CODES | Streams::RAW | Streams::FILTERED | Streams::EVENTS,
         mains_hz: 0,
     });
-    let header = link::Header {
-        version: link::VERSION,
-        seq: 0,
-        device_time_us: 0,
-    };
+    let header = link::Header { version: link::VERSION, seq: 0, device_time_us: 0 };
     let mut buffer = [0; MAX_FRAME];
     let bytes = link::encode(&header, &start, &mut buffer).unwrap();
     replayer.receive(bytes).unwrap();
@@ -95,21 +91,12 @@ fn convert(recording: &[u8]) -> String {
     let path = folder.path().join("a.wire");
     std::fs::write(&path, recording).unwrap();
     let begin = Instant::now();
-    let conversion = Conversion {
-        file: path,
-        to: FileFormat::Gdf,
-        force: false,
-        classifier: None,
-    };
+    let conversion = Conversion { file: path, to: FileFormat::Gdf, force: false, classifier: None };
     let model = Arc::new(Model::embedded().unwrap());
-    let log = capture::convert(&conversion, model, |file, _| file)
-        .unwrap()
-        .to_string();
+    let log = capture::convert(&conversion, model, |file, _| file).unwrap().to_string();
     assert!(begin.elapsed() < TIMEOUT, "{log}");
     let files = folder.path().read_dir().unwrap();
-    let bytes: u64 = files
-        .map(|file| file.unwrap().metadata().unwrap().len())
-        .sum();
+    let bytes: u64 = files.map(|file| file.unwrap().metadata().unwrap().len()).sum();
     assert!(bytes < MAX_BYTES, "{bytes} bytes: {log}");
     log
 }

@@ -30,11 +30,7 @@ pub(crate) struct PackedRecording {
 impl PackedRecording {
     /// Starts to record a device that sends `streams`.
     pub(crate) fn new(board: Board, streams: Streams) -> PackedRecording {
-        let header = FileHeader {
-            created_ns: at(0).wall_ns,
-            streams,
-            mains_hz: 0,
-        };
+        let header = FileHeader { created_ns: at(0).wall_ns, streams, mains_hz: 0 };
         let mut recording = PackedRecording {
             board,
             host: Encoder::default(),
@@ -53,10 +49,7 @@ impl PackedRecording {
 
     fn start(&mut self) {
         self.command(ToDevice::Stop);
-        self.command(ToDevice::Start(Start {
-            streams: self.streams,
-            mains_hz: 0,
-        }));
+        self.command(ToDevice::Start(Start { streams: self.streams, mains_hz: 0 }));
         (self.next, self.events) = (0, 0);
     }
 
@@ -122,11 +115,7 @@ impl PackedRecording {
 
     /// Sends an edge of the trigger input that happened `ago_us` ago.
     pub(crate) fn event(&mut self, ago_us: u64) {
-        let event = Event {
-            kind: EventKind::TriggerRise,
-            number: self.events,
-            sample: 0,
-        };
+        let event = Event { kind: EventKind::TriggerRise, number: self.events, sample: 0 };
         self.events += 1;
         self.send_at(self.device_us() - ago_us, &ToHost::Event(event));
     }

@@ -22,9 +22,7 @@ fn dump(name: &str) -> Vec<u8> {
     let (_, rest) = PAGE.split_once(&start).expect(name);
     let (digits, _) = rest.split_once("```").unwrap();
     let bytes = digits.split_whitespace();
-    bytes
-        .map(|byte| u8::from_str_radix(byte, 16).unwrap())
-        .collect()
+    bytes.map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
 }
 
 /// Returns a hex dump as in docs/recording-format.md, for the message of a failed test.
@@ -39,23 +37,14 @@ fn printed(bytes: &[u8]) -> String {
 fn ping() -> Vec<u8> {
     let mut buffer = [0; MAX_FRAME];
     let mut encoder = link::Encoder::default();
-    encoder
-        .encode(0, &ToDevice::Ping, &mut buffer)
-        .unwrap()
-        .to_vec()
+    encoder.encode(0, &ToDevice::Ping, &mut buffer).unwrap().to_vec()
 }
 
 fn answer() -> Vec<u8> {
     let mut buffer = [0; MAX_FRAME];
-    let ack = ToHost::Ack(link::Ack {
-        of: 0,
-        result: link::AckResult::Done,
-    });
+    let ack = ToHost::Ack(link::Ack { of: 0, result: link::AckResult::Done });
     let mut encoder = link::Encoder::starting_at(300);
-    encoder
-        .encode(20_000_000, &ack, &mut buffer)
-        .unwrap()
-        .to_vec()
+    encoder.encode(20_000_000, &ack, &mut buffer).unwrap().to_vec()
 }
 
 #[test]
@@ -129,9 +118,7 @@ fn damage_costs_the_records_that_it_hits() {
             *byte ^= 0x5a;
         }
         let (times, left_out) = read(&damaged);
-        let hit = ends
-            .windows(2)
-            .filter(|record| record[0] < place + length && record[1] > place);
+        let hit = ends.windows(2).filter(|record| record[0] < place + length && record[1] > place);
         let hit: Vec<usize> = hit.map(|record| record[1] - record[0]).collect();
         assert_eq!(times.len(), all - hit.len());
         let within = hit.iter().sum::<usize>() as u64;

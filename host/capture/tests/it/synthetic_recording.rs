@@ -59,25 +59,13 @@ impl Rig {
     /// Starts to record a board that sends `streams` and whose time is `speed` times as fast as the
     /// host's.
     pub(crate) fn with(streams: Streams, speed: i64, loss_percent: u64) -> Rig {
-        let settings = Settings {
-            mains_hz: 50,
-            filler: FillerPolicy::Off,
-            streams,
-            ..Settings::default()
-        };
-        let header = FileHeader {
-            created_ns: at(0).wall_ns,
-            streams,
-            mains_hz: 50,
-        };
+        let settings =
+            Settings { mains_hz: 50, filler: FillerPolicy::Off, streams, ..Settings::default() };
+        let header = FileHeader { created_ns: at(0).wall_ns, streams, mains_hz: 50 };
         let mut rig = Rig {
             board: Board::new(),
             core: Core::new(settings, None),
-            port: Port {
-                recorder: Recorder::new(header),
-                outgoing: Vec::new(),
-                now: at(0),
-            },
+            port: Port { recorder: Recorder::new(header), outgoing: Vec::new(), now: at(0) },
             now_us: 1_000_000,
             boot_us: -3_000_000,
             start_us: 0,

@@ -6,11 +6,7 @@ use neuro_ros::{
 
 /// Returns a frame of 32 samples of `channels` electrodes, without bipolar channels.
 fn frame_of(channels: usize) -> NeuroFrame {
-    let eeg = NeuroDataInfo {
-        nsamples: 32,
-        minmax: vec![-1.0, 1.0],
-        ..NeuroDataInfo::default()
-    };
+    let eeg = NeuroDataInfo { nsamples: 32, minmax: vec![-1.0, 1.0], ..NeuroDataInfo::default() };
     let labels = (0..channels).map(|channel| format!("c{channel}"));
     let eeg = eeg.with_labels(labels.collect());
     NeuroFrame::zeros(512, "test", eeg, NeuroDataInfo::default())
@@ -30,11 +26,7 @@ fn error_after(change: impl FnOnce(&mut NeuroFrame)) -> ContractError {
 #[test]
 fn a_frame_that_fulfils_the_contract_has_a_shape() {
     let shape = Shape::from_frame(&frame()).unwrap();
-    let expected = Shape {
-        sr: 512,
-        nsamples: 32,
-        nchannels: [61, 0, 8],
-    };
+    let expected = Shape { sr: 512, nsamples: 32, nchannels: [61, 0, 8] };
     assert_eq!(shape, expected);
     let text = "32 samples of 61 + 0 + 8 channels at 512 Hz";
     assert_eq!(shape.to_string(), text);
@@ -50,32 +42,17 @@ fn every_rule_is_checked_in_every_block() {
             assert!(matches!(error, $error), "{error}");
         };
     }
-    assert_error!(
-        |f| drop(f.eeg.info.labels.pop()),
-        Block("eeg", Labels { .. })
-    );
-    assert_error!(
-        |f| f.exg.info.labels.push("x".into()),
-        Block("exg", Labels { .. })
-    );
+    assert_error!(|f| drop(f.eeg.info.labels.pop()), Block("eeg", Labels { .. }));
+    assert_error!(|f| f.exg.info.labels.push("x".into()), Block("exg", Labels { .. }));
     assert_error!(|f| f.tri.info.minmax.clear(), Block("tri", MinMax(_)));
     assert_error!(|f| f.eeg.info.minmax = vec![1.0, -1.0], Block(_, MinMax(_)));
-    assert_error!(
-        |f| f.eeg.info.minmax[1] = f64::INFINITY,
-        Block(_, MinMax(_))
-    );
+    assert_error!(|f| f.eeg.info.minmax[1] = f64::INFINITY, Block(_, MinMax(_)));
     assert_error!(|f| f.eeg.info.minmax.push(2.0), Block(_, MinMax(_)));
     assert_error!(|f| f.exg.info.stride = 4, Block("exg", Stride(4, _)));
     assert_error!(|f| f.tri.data.push(0), Block("tri", Length { .. }));
     assert_error!(|f| f.tri.info.nsamples = 1, Block("tri", Length { .. }));
     assert_error!(|f| f.tri.info.isint = 0, Block("tri", IsInt(0)));
-    assert_error!(
-        |f| f.sr = 500,
-        Rate {
-            sr: 500,
-            nsamples: 32
-        }
-    );
+    assert_error!(|f| f.sr = 500, Rate { sr: 500, nsamples: 32 });
     assert_error!(|f| f.sr = 0, Rate { .. });
 }
 

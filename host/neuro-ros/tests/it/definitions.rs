@@ -54,17 +54,12 @@ fn embedded(kind: &str, package: &str, all: &HashMap<String, String>) -> Option<
 /// Returns the text over which ROS computes the MD5 sum: constants first, then fields, with each
 /// embedded type replaced by its MD5 sum.
 fn md5_text(text: &str, package: &str, all: &HashMap<String, String>) -> String {
-    let (constants, fields): (Vec<_>, Vec<_>) = lines(text)
-        .into_iter()
-        .partition(|(_, rest)| rest.contains('='));
-    let constants = constants
-        .into_iter()
-        .map(|(kind, rest)| format!("{kind} {rest}"));
+    let (constants, fields): (Vec<_>, Vec<_>) =
+        lines(text).into_iter().partition(|(_, rest)| rest.contains('='));
+    let constants = constants.into_iter().map(|(kind, rest)| format!("{kind} {rest}"));
     let fields = fields.into_iter().map(|(kind, rest)| {
-        embedded(&kind, package, all).map_or_else(
-            || format!("{kind} {rest}"),
-            |name| format!("{} {rest}", md5(&name, all)),
-        )
+        embedded(&kind, package, all)
+            .map_or_else(|| format!("{kind} {rest}"), |name| format!("{} {rest}", md5(&name, all)))
     });
     constants.chain(fields).collect::<Vec<_>>().join("\n")
 }
@@ -75,10 +70,8 @@ fn md5(name: &str, all: &HashMap<String, String>) -> String {
 }
 
 fn hex(text: &str) -> String {
-    let digits: Vec<String> = Md5::digest(text.as_bytes())
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect();
+    let digits: Vec<String> =
+        Md5::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
     digits.concat()
 }
 
@@ -100,9 +93,7 @@ fn full_text(name: &str, all: &HashMap<String, String>) -> String {
     let mut parts = Vec::new();
     collect(name, all, &mut parts);
     let separator = "=".repeat(80);
-    let parts = parts
-        .iter()
-        .map(|part| format!("\n{separator}\nMSG: {part}\n{}", all[part]));
+    let parts = parts.iter().map(|part| format!("\n{separator}\nMSG: {part}\n{}", all[part]));
     std::iter::once(all[name].clone()).chain(parts).collect()
 }
 
@@ -128,9 +119,7 @@ fn md5_sums_of_services_cover_request_and_response() {
     let all = definitions();
     for service in [&GET_ACQUISITION_INFO, &EMPTY] {
         let (request, response) = service.definition.split_once("---\n").unwrap();
-        let text = [request, response]
-            .map(|part| md5_text(part, "rosneuro_msgs", &all))
-            .concat();
+        let text = [request, response].map(|part| md5_text(part, "rosneuro_msgs", &all)).concat();
         assert_eq!(hex(&text), service.md5, "{}", service.name);
     }
     assert_eq!(GET_ACQUISITION_INFO.md5, "8cf1aae8f1ae02fdc8775b1362badac5");

@@ -14,9 +14,7 @@ struct ChannelOutput(Sender<Vec<u8>>);
 
 impl Write for ChannelOutput {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0
-            .send(bytes.to_vec())
-            .map_err(|_| io::Error::from(io::ErrorKind::BrokenPipe))?;
+        self.0.send(bytes.to_vec()).map_err(|_| io::Error::from(io::ErrorKind::BrokenPipe))?;
         Ok(bytes.len())
     }
 
@@ -53,10 +51,8 @@ fn frames_become_lines_in_order() {
     drop(sink);
     writer.finish(TIMEOUT).unwrap();
     let text = String::from_utf8(written.iter().flatten().collect()).unwrap();
-    let lines: Vec<serde_json::Value> = text
-        .lines()
-        .map(|line| serde_json::from_str(line).unwrap())
-        .collect();
+    let lines: Vec<serde_json::Value> =
+        text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert_eq!(lines.len(), 3);
     for (line, seq) in lines.iter().zip(1..) {
         assert_eq!(line["topic"], "/encoded");

@@ -23,11 +23,7 @@ impl Acquisition {
     /// Returns an acquisition with all electrodes of the model, in the order of the montage.
     pub(crate) fn new(rate_hz: u16, samples: u16) -> Acquisition {
         let labels = model::LABELS.split(' ').map(str::to_owned).collect();
-        Acquisition {
-            rate_hz,
-            samples,
-            labels,
-        }
+        Acquisition { rate_hz, samples, labels }
     }
 
     /// Returns the frame with the index `index`, counted from 0; its `seq` is `index` + 1.
@@ -129,9 +125,7 @@ impl Acquisition {
         samples.map(|counts| {
             // The virtual ADC can have more channels than a sample. Leave out the excess channels.
             let counts = counts.unwrap();
-            Sample {
-                counts: std::array::from_fn(|channel| counts[channel]),
-            }
+            Sample { counts: std::array::from_fn(|channel| counts[channel]) }
         })
     }
 }
@@ -139,7 +133,5 @@ impl Acquisition {
 fn dequantised(values: &pipeline::CodeValues) -> Vec<f32> {
     let scales = model::CODE_SCALE.iter().zip(&model::CODE_ZERO_POINT);
     let levels = values.levels().into_iter().zip(scales);
-    levels
-        .map(|(level, (scale, zero_point))| dequantise(level, *scale, *zero_point))
-        .collect()
+    levels.map(|(level, (scale, zero_point))| dequantise(level, *scale, *zero_point)).collect()
 }

@@ -17,12 +17,7 @@ fn equals_recording(acquisition: &Acquisition, seconds: u32) -> Harness {
     let expected = acquisition.codes_of_recording(frames, Mains::Hz50);
     let mut harness = Harness::new(&acquisition.frame(0));
     harness.receive_all(acquisition, 1..frames);
-    let codes: Vec<&Vec<f32>> = harness
-        .recorder
-        .encoded
-        .iter()
-        .map(|f| &f.eeg.data)
-        .collect();
+    let codes: Vec<&Vec<f32>> = harness.recorder.encoded.iter().map(|f| &f.eeg.data).collect();
     assert!(codes.len() > 8, "only {} codes", codes.len());
     for (window, (code, expected)) in codes.iter().zip(&expected).enumerate() {
         assert_eq!(*code, expected, "window {window}");
@@ -137,15 +132,7 @@ fn no_bounds_of_a_delay_are_shown_because_the_device_has_no_clock() {
 #[test]
 fn the_frame_that_completes_a_window_publishes_its_code_also_when_it_is_resampled() {
     let rate = model::ADC_RATE_HZ;
-    let delays = [
-        (rate, 0),
-        (160, 26),
-        (250, 8),
-        (500, 10),
-        (1000, 16),
-        (2000, 32),
-        (5000, 78),
-    ];
+    let delays = [(rate, 0), (160, 26), (250, 8), (500, 10), (1000, 16), (2000, 32), (5000, 78)];
     for (rate_hz, delay) in delays {
         let samples = rate_hz / 20;
         let acquisition = Acquisition::new(rate_hz, samples);
@@ -164,9 +151,7 @@ fn the_frame_that_completes_a_window_publishes_its_code_also_when_it_is_resample
             let before = harness.recorder.encoded.len();
             harness.receive_all(&acquisition, [index]);
             let received = usize::try_from(index + 1).unwrap() * usize::from(samples);
-            let complete = (0..received)
-                .take_while(|window| last(window) < received)
-                .count();
+            let complete = (0..received).take_while(|window| last(window) < received).count();
             let codes = harness.recorder.encoded.len();
             assert_eq!(codes, complete, "{rate_hz} Hz, after frame {index}");
             assert!(codes - before <= most, "{rate_hz} Hz: {}", codes - before);

@@ -31,15 +31,9 @@ fn lose_frames(acquisition: &Acquisition) {
     harness.receive_all(acquisition, 46..80);
     let frames = &harness.recorder.encoded;
     let windows: Vec<i32> = frames.iter().map(|frame| word(frame, "seq_lo")).collect();
-    assert!(
-        windows.windows(2).all(|pair| pair[1] == pair[0] + 1),
-        "{windows:?}"
-    );
-    let fillers: Vec<i32> = frames
-        .iter()
-        .filter(|frame| is_filler(frame))
-        .map(|frame| word(frame, "seq_lo"))
-        .collect();
+    assert!(windows.windows(2).all(|pair| pair[1] == pair[0] + 1), "{windows:?}");
+    let fillers: Vec<i32> =
+        frames.iter().filter(|frame| is_filler(frame)).map(|frame| word(frame, "seq_lo")).collect();
     // A window has two hops, and five hops are lost after hop 39. The first step after the gap
     // depends on lost samples, so the hop after the gap is lost too.
     let hops = i32::try_from(model::STEPS / model::HOP).unwrap();
@@ -134,12 +128,7 @@ fn a_standstill_without_a_lost_frame_fills_nothing_and_stamps_follow_a_pause_onl
     };
     let lossy = Standstill {
         lost: 16,
-        ..case(
-            "a pause of 4 s, and 1 s of lost frames",
-            rate,
-            &pause,
-            4_000_000,
-        )
+        ..case("a pause of 4 s, and 1 s of lost frames", rate, &pause, 4_000_000)
     };
     for standstill in [
         case("a pause", rate, &pause, 5_000_000),
@@ -167,46 +156,28 @@ fn check_standstill(standstill: &Standstill) {
     let frames = 400_u32;
     let mut harness = Harness::new(&frame(0));
     for index in 1..frames {
-        let late = index
-            .checked_sub(40)
-            .and_then(|place| standstill.late.get(place as usize));
+        let late = index.checked_sub(40).and_then(|place| standstill.late.get(place as usize));
         let index = index + if index < 40 { 0 } else { standstill.lost };
-        harness
-            .receive(&frame(index), *late.unwrap_or(&frame_us))
-            .unwrap();
+        harness.receive(&frame(index), *late.unwrap_or(&frame_us)).unwrap();
     }
     let counts = harness.source.counts();
     let pauses = u64::from(standstill.pause_us > 0);
     assert_eq!((counts.pauses, counts.restarts), (pauses, 0), "{name}");
     assert!(
-        counts
-            .paused_us
-            .abs_diff(standstill.pause_us.unsigned_abs())
-            < 1_000,
+        counts.paused_us.abs_diff(standstill.pause_us.unsigned_abs()) < 1_000,
         "{name}: {counts:?}"
     );
     let encoded = &harness.recorder.encoded;
     let fillers = encoded.iter().filter(|frame| is_filler(frame)).count();
-    let expected = if standstill.lost > 0 {
-        standstill.lost as usize + 2
-    } else {
-        0
-    };
+    let expected = if standstill.lost > 0 { standstill.lost as usize + 2 } else { 0 };
     assert_eq!(fillers, expected, "{name}");
     // Stamps are 62.5 ms apart except at the pause, as the samples are.
     let stamp_us = |frame: &neuro_ros::NeuroFrame| frame.header.stamp.nanoseconds() / 1000;
     let first = stamp_us(&encoded[0]);
-    let steps = encoded
-        .windows(2)
-        .map(|pair| stamp_us(&pair[1]) - stamp_us(&pair[0]));
-    let jumps: Vec<i64> = steps
-        .filter(|step| (step - FRAME_US).abs() > 1_000)
-        .collect();
+    let steps = encoded.windows(2).map(|pair| stamp_us(&pair[1]) - stamp_us(&pair[0]));
+    let jumps: Vec<i64> = steps.filter(|step| (step - FRAME_US).abs() > 1_000).collect();
     let codes = i64::try_from(encoded.len()).unwrap() - 1;
     let drift = stamp_us(encoded.last().unwrap()) - first - codes * FRAME_US;
-    assert!(
-        (drift - standstill.pause_us).abs() < 1_000,
-        "{name}: {drift} us, {jumps:?}"
-    );
+    assert!((drift - standstill.pause_us).abs() < 1_000, "{name}: {drift} us, {jumps:?}");
     assert!(jumps.len() <= 2, "{name}: {jumps:?}");
 }

@@ -29,9 +29,7 @@ pub(crate) struct Graph {
 impl Graph {
     /// Starts the graph, with `options` for the program, and waits until all are connected.
     pub(crate) async fn start(options: &[&str]) -> Graph {
-        let master = Master::start(SocketAddr::from(([127, 0, 0, 1], 0)))
-            .await
-            .unwrap();
+        let master = Master::start(SocketAddr::from(([127, 0, 0, 1], 0))).await.unwrap();
         let node = node("test", master.uri()).await;
         let log = tempfile::tempdir().unwrap();
         let program = Command::new(env!("CARGO_BIN_EXE_corticode-node"))
@@ -50,14 +48,8 @@ impl Graph {
             program,
             log,
             acquisition: publisher(&node).await,
-            encoded: node
-                .subscribe("/encoded", NeuroFrame::TYPE, 1024)
-                .await
-                .unwrap(),
-            diagnostics: node
-                .subscribe("/diagnostics", DiagnosticArray::TYPE, 64)
-                .await
-                .unwrap(),
+            encoded: node.subscribe("/encoded", NeuroFrame::TYPE, 1024).await.unwrap(),
+            diagnostics: node.subscribe("/diagnostics", DiagnosticArray::TYPE, 64).await.unwrap(),
             _node: node,
             master,
         };
@@ -85,9 +77,7 @@ impl Graph {
     pub(crate) async fn call_master(&self, method: &str, arguments: &[&str]) {
         let caller = ["/other"].iter().chain(arguments);
         let arguments: Vec<Value> = caller.map(|text| Value::from(*text)).collect();
-        call_ros(self.master.uri(), method, &arguments)
-            .await
-            .unwrap();
+        call_ros(self.master.uri(), method, &arguments).await.unwrap();
     }
 
     /// Publishes frames with these numbers, at the pace of a real acquisition.
@@ -106,10 +96,7 @@ impl Graph {
     ) -> DiagnosticStatus {
         let deadline = Instant::now() + TIMEOUT;
         loop {
-            let report = timeout(TIMEOUT, self.diagnostics.recv())
-                .await
-                .unwrap()
-                .unwrap();
+            let report = timeout(TIMEOUT, self.diagnostics.recv()).await.unwrap().unwrap();
             let report = DiagnosticArray::from_bytes(&report).unwrap();
             let mut statuses = report.status.into_iter();
             let status = statuses.find(|status| status.name == name).unwrap();
@@ -140,21 +127,13 @@ impl Drop for Graph {
 }
 
 async fn node(name: &str, uri: &str) -> Node {
-    let options = NodeOptions {
-        host: Some("127.0.0.1".to_owned()),
-        ..NodeOptions::new(name, uri)
-    };
+    let options = NodeOptions { host: Some("127.0.0.1".to_owned()), ..NodeOptions::new(name, uri) };
     Node::start(options).await.unwrap()
 }
 
 async fn publisher(node: &Node) -> Publisher {
-    let options = PublisherOptions {
-        queue: 1024,
-        latch: false,
-    };
-    node.advertise("/neurodata", NeuroFrame::TYPE, options)
-        .await
-        .unwrap()
+    let options = PublisherOptions { queue: 1024, latch: false };
+    node.advertise("/neurodata", NeuroFrame::TYPE, options).await.unwrap()
 }
 
 /// Returns frame `number` of an acquisition with the model's electrodes: it lasts 62.5 ms and is

@@ -13,10 +13,8 @@ use pipeline::Mains;
 use crate::acquisition::Acquisition;
 
 /// Time at which the first frame arrives.
-pub(crate) const START: HostTime = HostTime {
-    monotonic_us: 1_000_000_000,
-    wall_ns: 1_700_000_000_000_000_000,
-};
+pub(crate) const START: HostTime =
+    HostTime { monotonic_us: 1_000_000_000, wall_ns: 1_700_000_000_000_000_000 };
 
 /// Collects what the core sends, announces and publishes.
 pub(crate) struct Recorder {

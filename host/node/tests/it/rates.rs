@@ -42,12 +42,7 @@ fn stamps_follow_the_true_rate_within_a_millisecond() {
         case(1000, 50, 30_000.0, 0.0),
         case(2000, 50, -4_000.0, 0.0),
     ] {
-        let Amplifier {
-            rate_hz,
-            frame_samples,
-            rate_error_ppm,
-            pause_s,
-        } = amplifier;
+        let Amplifier { rate_hz, frame_samples, rate_error_ppm, pause_s } = amplifier;
         let (clock, mut errors_ms) = run(&amplifier);
         let drift = clock.values.iter().find(|value| value.key == "drift ppm");
         let drift_ppm: f64 = drift.unwrap().value.parse().unwrap();
@@ -75,11 +70,7 @@ fn run(amplifier: &Amplifier) -> (DiagnosticStatus, Vec<f64>) {
     // Time from the first frame's first sample, seconds.
     let made_s = |sample: f64| {
         let at = sample / true_rate;
-        if at > 20.0 {
-            at + amplifier.pause_s
-        } else {
-            at
-        }
+        if at > 20.0 { at + amplifier.pause_s } else { at }
     };
     let mut hash = 1_u32;
     let mut delay_s = || {
@@ -96,9 +87,7 @@ fn run(amplifier: &Amplifier) -> (DiagnosticStatus, Vec<f64>) {
         let read_s = made_s(end - 1.0) + 1.0 / true_rate - first_s + delay_s();
         #[expect(clippy::cast_possible_truncation, reason = "some minutes")]
         let read_us = (read_s * 1e6) as i64;
-        harness
-            .receive(&acquisition.frame(index), read_us - now_us)
-            .unwrap();
+        harness.receive(&acquisition.frame(index), read_us - now_us).unwrap();
         now_us = read_us;
         stamped.resize(harness.recorder.encoded.len(), read_s);
     }

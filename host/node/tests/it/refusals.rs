@@ -58,14 +58,8 @@ fn a_layout_that_changes_in_mid_stream_is_refused_and_the_old_one_goes_on() {
     let mut other = acquisition.clone();
     other.labels.swap(0, 1);
     let changes = [
-        (
-            Acquisition::new(500, 32),
-            "the rate in Hz changed from 512 to 500",
-        ),
-        (
-            Acquisition::new(512, 16),
-            "the samples per frame changed from 32 to 16",
-        ),
+        (Acquisition::new(500, 32), "the rate in Hz changed from 512 to 500"),
+        (Acquisition::new(512, 16), "the samples per frame changed from 32 to 16"),
         (other, "a label changed from"),
     ];
     for (acquisition, expected) in changes {

@@ -23,11 +23,7 @@ async fn each_kind_of_refusal_is_one_line_of_the_log_and_counted_in_diagnostics(
     let status = graph.status("corticode: source", is_refused).await;
     assert_eq!(status.level, DiagnosticLevel::Error);
     let log = graph.log();
-    for part in [
-        "the rate is 100 Hz",
-        "eeg has",
-        "a message is no NeuroFrame",
-    ] {
+    for part in ["the rate is 100 Hz", "eeg has", "a message is no NeuroFrame"] {
         assert_eq!(log.matches(part).count(), 1, "{part}: {log}");
     }
     assert_eq!(log.lines().count(), 3, "{log}");
@@ -49,10 +45,7 @@ async fn lost_frames_show_in_diagnostics_and_as_fillers() {
     let is_warning = |status: &DiagnosticStatus| status.message.contains("3 frames lost");
     let status = graph.status("corticode: source", is_warning).await;
     assert_eq!(status.level, DiagnosticLevel::Warn);
-    let lost = status
-        .values
-        .iter()
-        .find(|value| value.key == "frames lost");
+    let lost = status.values.iter().find(|value| value.key == "frames lost");
     assert_eq!(lost.unwrap().value, "3");
     let mut zeros = 0;
     let mut next = graph.next_code().await;
@@ -111,12 +104,7 @@ async fn a_publisher_that_cannot_be_reached_is_named_with_the_reason_until_it_is
     graph.status("corticode: source", is_absent).await;
     // RFC 6761 reserves `.invalid` for names that never resolve.
     let uri = "http://no-such-host.invalid:4321/";
-    graph
-        .call_master(
-            "registerPublisher",
-            &["/neurodata", NeuroFrame::TYPE.name, uri],
-        )
-        .await;
+    graph.call_master("registerPublisher", &["/neurodata", NeuroFrame::TYPE.name, uri]).await;
     let reason = format!("{uri}: requestTopic failed: {uri} cannot be reached: the host name");
     let is_named = |status: &DiagnosticStatus| status.message.contains(&reason);
     let status = graph.status("corticode: source", is_named).await;
@@ -126,9 +114,7 @@ async fn a_publisher_that_cannot_be_reached_is_named_with_the_reason_until_it_is
     sleep(Duration::from_secs(2)).await;
     let log = graph.log();
     assert_eq!(log.matches(&reason).count(), 1, "{log}");
-    graph
-        .call_master("unregisterPublisher", &["/neurodata", uri])
-        .await;
+    graph.call_master("unregisterPublisher", &["/neurodata", uri]).await;
     graph.status("corticode: source", is_absent).await;
     let is_calm = |status: &DiagnosticStatus| status.level == DiagnosticLevel::Ok;
     graph.status("corticode: ros", is_calm).await;
@@ -142,19 +128,13 @@ async fn a_resampled_acquisition_starts_once_and_names_its_interpolated_electrod
         slow.sr = 250;
         slow.eeg.info.labels[3] = "EMG".to_owned();
         graph.acquisition.publish(&slow.to_bytes());
-        sleep(Duration::from_millis(
-            1000 * u64::from(slow.eeg.info.nsamples) / 250,
-        ))
-        .await;
+        sleep(Duration::from_millis(1000 * u64::from(slow.eeg.info.nsamples) / 250)).await;
     }
     let first = graph.next_code().await;
     assert_eq!(first.neuroheader.seq, 1);
     let log = graph.log();
     let missing = model::LABELS.split(' ').nth(3).unwrap();
     assert!(log.contains(&format!("interpolated: {missing}")), "{log}");
-    assert!(
-        log.contains("250 Hz is resampled to 512 Hz: codes come 32 ms later"),
-        "{log}"
-    );
+    assert!(log.contains("250 Hz is resampled to 512 Hz: codes come 32 ms later"), "{log}");
     assert_eq!(log.matches("streaming codes").count(), 1, "{log}");
 }

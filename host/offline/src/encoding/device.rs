@@ -75,10 +75,7 @@ impl Device {
         if let Some(rate) = rate {
             producer.set_rate(rate);
         }
-        let start = Start {
-            streams,
-            mains_hz: 0,
-        };
+        let start = Start { streams, mains_hz: 0 };
         let (_, order) = session.start(start, 0, &mut sender);
         Self {
             session,
@@ -150,10 +147,6 @@ impl Device {
     }
 
     fn counts(&self) -> Counts {
-        Counts {
-            samples: self.samples,
-            clipped: self.producer.clipped(),
-            ..Counts::default()
-        }
+        Counts { samples: self.samples, clipped: self.producer.clipped(), ..Counts::default() }
     }
 }

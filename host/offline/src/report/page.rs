@@ -9,14 +9,8 @@ use crate::decoding::Decoded;
 
 /// Returns the page as HTML. Its pictures are files in folders next to it.
 pub(super) fn page(description: &Description, entries: &[Entry]) -> String {
-    let rows: String = entries
-        .iter()
-        .map(|entry| summary(description, entry))
-        .collect();
-    let sections: String = entries
-        .iter()
-        .map(|entry| section(description, entry))
-        .collect();
+    let rows: String = entries.iter().map(|entry| summary(description, entry)).collect();
+    let sections: String = entries.iter().map(|entry| section(description, entry)).collect();
     let size = format!(
         "{} electrodes, {} Hz, one code or packed block every {} ms",
         description.montage.electrodes.len(),
@@ -79,10 +73,7 @@ fn summary(description: &Description, entry: &Entry) -> String {
 fn items(description: &Description, decoded: &Decoded) -> String {
     match decoded.bits_per_block() {
         Some(bits) => format!("{} packed blocks of {bits:.1} bits", decoded.codes),
-        None => format!(
-            "{} codes of {} numbers",
-            decoded.codes, description.code.numbers
-        ),
+        None => format!("{} codes of {} numbers", decoded.codes, description.code.numbers),
     }
 }
 
@@ -102,9 +93,8 @@ fn section(description: &Description, entry: &Entry) -> String {
     };
     let compared = compared.unwrap_or_default();
     let types = entry.decoded.event_types.iter();
-    let types: Vec<String> = types
-        .map(|(text, kind)| format!("{kind} {}", escaped(text)))
-        .collect();
+    let types: Vec<String> =
+        types.map(|(text, kind)| format!("{kind} {}", escaped(text))).collect();
     let types = if types.is_empty() {
         String::new()
     } else {

@@ -79,26 +79,22 @@ fn shown(comparison: &Comparison) -> Vec<usize> {
     let measured = electrodes.filter(|(_, origin)| **origin == ElectrodeOrigin::Measured);
     let measured: Vec<usize> = measured.map(|(electrode, _)| electrode).collect();
     let count = SHOWN.min(measured.len());
-    (0..count)
-        .map(|place| measured[place * measured.len() / count])
-        .collect()
+    (0..count).map(|place| measured[place * measured.len() / count]).collect()
 }
 
 fn scalp_map(description: &Description, comparison: &Comparison, name: &str) -> ScalpMap {
     let electrodes = description.montage.electrodes.iter();
     let errors = comparison.electrodes.iter().zip(&comparison.origins);
-    let places = electrodes
-        .zip(errors)
-        .filter_map(|(label, (error, origin))| {
-            let value = error.prd_percent();
-            let Position { x, y, z } = Position::from_label(label)?;
-            value.is_finite().then(|| Place {
-                label: label.clone(),
-                at: on_map([x, y, z]),
-                value,
-                is_measured: *origin == ElectrodeOrigin::Measured,
-            })
-        });
+    let places = electrodes.zip(errors).filter_map(|(label, (error, origin))| {
+        let value = error.prd_percent();
+        let Position { x, y, z } = Position::from_label(label)?;
+        value.is_finite().then(|| Place {
+            label: label.clone(),
+            at: on_map([x, y, z]),
+            value,
+            is_measured: *origin == ElectrodeOrigin::Measured,
+        })
+    });
     ScalpMap {
         places: places.collect(),
         title: "Error of each electrode".to_owned(),

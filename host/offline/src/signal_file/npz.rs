@@ -36,11 +36,7 @@ impl NpzFile {
         for event in &signal.events {
             npz.write_all(&event.rows.start.to_le_bytes())?;
         }
-        let texts: Vec<&str> = signal
-            .events
-            .iter()
-            .map(|event| event.text.as_str())
-            .collect();
+        let texts: Vec<&str> = signal.events.iter().map(|event| event.text.as_str()).collect();
         npz.texts("event_texts", &texts)?;
         npz.start_array("uv", "'<f4'", &[signal.rows, signal.labels.len() as u64])?;
         Ok(Self {

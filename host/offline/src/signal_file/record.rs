@@ -31,9 +31,7 @@ impl EdfFile {
             _ => (signal.range_uv(), EdfWriter::bdf),
         };
         let events = signal.events.iter();
-        let annotations = events
-            .map(|event| (event.rows.clone(), event.text.clone()))
-            .collect();
+        let annotations = events.map(|event| (event.rows.clone(), event.text.clone())).collect();
         let to_write = file_to_write(signal, range_uv);
         Ok(Self {
             writer: create(BufWriter::new(file), &to_write, signal.rows, annotations)?,
@@ -76,10 +74,7 @@ impl GdfFile {
         });
         let mut events: Vec<(u64, u16)> = events.collect();
         events.sort_by_key(|(row, _)| *row);
-        Ok(Self {
-            writer: GdfWriter::new(BufWriter::new(file), &to_write)?,
-            events,
-        })
+        Ok(Self { writer: GdfWriter::new(BufWriter::new(file), &to_write)?, events })
     }
 }
 

@@ -44,11 +44,7 @@ fn both(fixture: &Fixture) -> PathBuf {
     let blocks = frames(&packed).into_iter();
     merged.extend(blocks.filter(|(_, is_block, _)| *is_block));
     merged.sort_by_key(|(device_us, ..)| *device_us);
-    let bytes: Vec<u8> = merged
-        .iter()
-        .flat_map(|(.., bytes)| *bytes)
-        .copied()
-        .collect();
+    let bytes: Vec<u8> = merged.iter().flat_map(|(.., bytes)| *bytes).copied().collect();
     let path = fixture.path("both.codes");
     fs::write(&path, bytes).expect("written");
     path
@@ -60,10 +56,7 @@ fn decode(
     output: &Path,
     kind: Option<CodeKind>,
 ) -> Result<Decoded, OfflineError> {
-    let decoding = Decoding {
-        kind,
-        ..decoding(model, SignalFormat::Gdf)
-    };
+    let decoding = Decoding { kind, ..decoding(model, SignalFormat::Gdf) };
     decoding.decode(input, output, None, &Progress::default())
 }
 
@@ -80,14 +73,8 @@ fn the_chosen_kind_is_decoded_or_the_first_one_and_the_other_is_named() {
         let output = fixture.path(&format!("{alone}{}.gdf", kind.is_some()));
         let decoded = decode(&model, &path, &output, kind).expect("decoded");
         assert_eq!(decoded.is_packed(), is_packed);
-        let [warning] = &decoded.warnings[..] else {
-            panic!("{:?}", decoded.warnings)
-        };
-        let other = if is_packed {
-            "--stream codes"
-        } else {
-            "--stream packed"
-        };
+        let [warning] = &decoded.warnings[..] else { panic!("{:?}", decoded.warnings) };
+        let other = if is_packed { "--stream codes" } else { "--stream packed" };
         assert!(warning.contains(other), "{warning}");
         // The signal must equal the signal of a file which holds only this kind.
         let input = fixture.path(&format!("{alone}.codes"));
@@ -106,9 +93,7 @@ fn a_kind_that_the_file_lacks_is_refused_with_the_one_that_it_has() {
     let (input, output) = (fixture.path("codes.codes"), fixture.path("decoded.gdf"));
     let refused = decode(&model, &input, &output, Some(CodeKind::Packed));
     let error = refused.expect_err("no blocks");
-    let source = std::error::Error::source(&error)
-        .expect("a reason")
-        .to_string();
+    let source = std::error::Error::source(&error).expect("a reason").to_string();
     assert_eq!(
         source,
         "it holds no packed blocks, and codes in their place: decode these with --stream codes"

@@ -28,10 +28,7 @@ fn errors_are_those_of_the_settled_steps() {
         assert!((error.signal / signal - 1.0).abs() < 1e-5, "{electrode}");
         assert!((error.error / squared - 1.0).abs() < 1e-3, "{electrode}");
         let prd = 100.0 * (squared / signal).sqrt();
-        assert!(
-            (error.prd_percent() / prd - 1.0).abs() < 1e-3,
-            "{electrode}"
-        );
+        assert!((error.prd_percent() / prd - 1.0).abs() < 1e-3, "{electrode}");
     }
     let measured = vec![ElectrodeOrigin::Measured; labels().len()];
     assert_eq!(comparison.origins, measured);

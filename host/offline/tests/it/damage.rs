@@ -34,11 +34,8 @@ fn missing_codes_are_covered_by_their_neighbours_or_flagged() {
     let (whole, decoded) = (whole.expect("decoded"), decoded.expect("decoded"));
     assert_eq!((decoded.missing, decoded.rows), (4, whole.rows));
     let text = fs::read_to_string(fixture.path("lossy.csv")).expect("text");
-    let lines: Vec<Vec<&str>> = text
-        .lines()
-        .skip(1)
-        .map(|line| line.split(',').collect())
-        .collect();
+    let lines: Vec<Vec<&str>> =
+        text.lines().skip(1).map(|line| line.split(',').collect()).collect();
     let flags = lines.iter().step_by(model::HOP);
     let flags = flags.map(|line| Flags::from_bits(line[2].parse().expect("flags")));
     let flags: &[Flags] = &flags.collect::<Vec<_>>();
@@ -137,21 +134,12 @@ fn other_files_are_refused_with_what_to_do() {
     ];
     let [codes, introduction, model, gap] = variants.map(|path| fs::read(path).expect("codes"));
     for (bytes, words) in [
-        (
-            Vec::new(),
-            "holds no intact frame; name a file that `host-sim encode`",
-        ),
+        (Vec::new(), "holds no intact frame; name a file that `host-sim encode`"),
         (b"0       patient".to_vec(), "holds no intact frame"),
-        (
-            b"CORTIREC and more".to_vec(),
-            "`corticode-bridge convert` decodes it",
-        ),
+        (b"CORTIREC and more".to_vec(), "`corticode-bridge convert` decodes it"),
         (introduction, "holds no code; the shortest recording"),
         (codes, "does not introduce itself before the first code"),
-        (
-            [bytes.clone(), bytes.clone()].concat(),
-            "a second run starts after window",
-        ),
+        ([bytes.clone(), bytes.clone()].concat(), "a second run starts after window"),
         (model, "with --model"),
         (gap, "more than an hour"),
     ] {
@@ -164,15 +152,8 @@ fn other_files_are_refused_with_what_to_do() {
 fn outputs_are_never_inputs() {
     let fixture = Fixture::new();
     let before = fs::read(fixture.recording()).expect("a recording");
-    let replacing = Encoding {
-        existing: Existing::Replace,
-        ..ENCODING
-    };
-    let itself = replacing.encode(
-        &fixture.recording(),
-        &fixture.recording(),
-        &Progress::default(),
-    );
+    let replacing = Encoding { existing: Existing::Replace, ..ENCODING };
+    let itself = replacing.encode(&fixture.recording(), &fixture.recording(), &Progress::default());
     let refused =
         |error: OfflineError| matches!(error, OfflineError::NewFile(NewFileError::Input { .. }));
     assert!(refused(itself.expect_err("the input")));

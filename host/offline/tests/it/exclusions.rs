@@ -46,12 +46,7 @@ fn files_of_records_have_an_annotation_with_duration_and_label() {
         assert!(warnings.contains(&warning), "{warnings}");
         let mut recording = Recording::open(fixture.path(&name)).expect("a recording");
         let text = format!("substituted@@{}", labels()[ELECTRODE]);
-        let event = |onset_s, duration_s, label| Event {
-            onset_s,
-            duration_s,
-            signal: None,
-            label,
-        };
+        let event = |onset_s, duration_s, label| Event { onset_s, duration_s, signal: None, label };
         let expected = match format {
             // A GDF table of mode 1 has no durations: bit 15 of a type marks the end of an event.
             SignalFormat::Gdf => vec![
@@ -71,21 +66,12 @@ fn arrays_for_numpy_have_a_mask_of_rows_and_electrodes() {
     let rows = usize::try_from(decoded.expect("decoded").rows).expect("few rows");
     let mut archive = fs::read(fixture.path("mask.npz")).expect("a file");
     let name = b"excluded.npy";
-    let place = archive
-        .windows(name.len())
-        .position(|bytes| bytes == name)
-        .expect("the array");
+    let place = archive.windows(name.len()).position(|bytes| bytes == name).expect("the array");
     let array = archive.split_off(place + name.len());
     // The header of an array ends with a line feed.
-    let header = array
-        .iter()
-        .position(|byte| *byte == b'\n')
-        .expect("a header")
-        + 1;
-    let shape = format!(
-        "'descr': '|b1', 'fortran_order': False, 'shape': ({rows},{},)",
-        labels().len()
-    );
+    let header = array.iter().position(|byte| *byte == b'\n').expect("a header") + 1;
+    let shape =
+        format!("'descr': '|b1', 'fortran_order': False, 'shape': ({rows},{},)", labels().len());
     let text = String::from_utf8_lossy(&array[..header]);
     assert!(text.contains(&shape), "{text}");
     let mut mask = vec![0; rows * labels().len()];
@@ -93,10 +79,7 @@ fn arrays_for_numpy_have_a_mask_of_rows_and_electrodes() {
     for (row, mask) in mask.chunks_exact(labels().len()).enumerate() {
         let excluded = ROWS.contains(&row);
         let expected = |electrode| u8::from(excluded && electrode == ELECTRODE);
-        assert!(
-            (0..mask.len()).all(|electrode| mask[electrode] == expected(electrode)),
-            "{row}"
-        );
+        assert!((0..mask.len()).all(|electrode| mask[electrode] == expected(electrode)), "{row}");
     }
 }
 
@@ -116,11 +99,7 @@ fn the_error_of_an_electrode_leaves_out_the_steps_at_which_it_was_excluded() {
     let rows = (first..written[0].len()).filter(|row| !ROWS.contains(row));
     let errors = rows.map(|row| original[row][ELECTRODE] - written[ELECTRODE][row]);
     let error: f64 = errors.map(|error| error.powi(2)).sum();
-    assert!(
-        (sums.error / error - 1.0).abs() < 1e-3,
-        "{} of {error}",
-        sums.error
-    );
+    assert!((sums.error / error - 1.0).abs() < 1e-3, "{} of {error}", sums.error);
     let mse = error / f64::from(u32::try_from(sums.steps).expect("few steps"));
     assert!((sums.mse_uv2() / mse - 1.0).abs() < 1e-3);
 }

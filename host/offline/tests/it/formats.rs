@@ -11,11 +11,8 @@ use recordings::{EdfWriter, EventLabel, Recording};
 use crate::recording::{ENCODING, EVENTS, Fixture, decoding, file_to_write, labels, values};
 
 /// Largest rounding error of a 16-bit file, of a 24-bit file and of float32, uV.
-const ROUNDING_UV: [(SignalFormat, f64); 3] = [
-    (SignalFormat::Edf, 0.050_01),
-    (SignalFormat::Bdf, 0.011_2),
-    (SignalFormat::Gdf, 0.0),
-];
+const ROUNDING_UV: [(SignalFormat, f64); 3] =
+    [(SignalFormat::Edf, 0.050_01), (SignalFormat::Bdf, 0.011_2), (SignalFormat::Gdf, 0.0)];
 
 #[test]
 fn rows_are_the_means_of_all_windows_that_contain_them() {
@@ -32,19 +29,13 @@ fn rows_are_the_means_of_all_windows_that_contain_them() {
         let decoded = fixture.decode(&fixture.codes(), &name, format, true);
         let decoded = decoded.expect("decoded");
         assert_eq!(decoded.rows, rows as u64);
-        assert_eq!(
-            (decoded.missing, decoded.damaged, decoded.limited),
-            (0, 0, 0)
-        );
+        assert_eq!((decoded.missing, decoded.damaged, decoded.limited), (0, 0, 0));
         let written = values(&fixture.path(&name));
         for (electrode, written) in written.iter().enumerate() {
             assert_eq!(written.len(), rows, "{format:?}");
             for (row, value) in written.iter().enumerate() {
                 let difference = (value - f64::from(expected[row][electrode])).abs();
-                assert!(
-                    difference <= tolerance,
-                    "{format:?}, row {row}: {difference}"
-                );
+                assert!(difference <= tolerance, "{format:?}, row {row}: {difference}");
             }
         }
         let recording = Recording::open(fixture.path(&name)).expect("a recording");
@@ -69,10 +60,7 @@ fn events_stand_at_the_rows_that_show_them() {
             #[expect(clippy::cast_precision_loss, reason = "small whole numbers")]
             let expected_s = row as f64 / f64::from(model::ADC_RATE_HZ) + delay_s;
             let difference = (event.onset_s - expected_s).abs();
-            assert!(
-                difference <= 0.5 / 128.0 + 1e-6,
-                "{format:?}: {difference} s"
-            );
+            assert!(difference <= 0.5 / 128.0 + 1e-6, "{format:?}: {difference} s");
             let label = match format {
                 SignalFormat::Gdf => EventLabel::Type(kind),
                 _ => EventLabel::Text(format!("{kind:#06x}")),
@@ -89,9 +77,7 @@ fn texts_of_events_get_types_in_a_gdf_file() {
     let texts = fixture.decode(&fixture.codes(), "texts.edf", SignalFormat::Edf, true);
     texts.expect("decoded");
     let (texts, codes) = (fixture.path("texts.edf"), fixture.path("texts.codes"));
-    ENCODING
-        .encode(&texts, &codes, &Progress::default())
-        .expect("encoded");
+    ENCODING.encode(&texts, &codes, &Progress::default()).expect("encoded");
     let model = Model::embedded().expect("a model");
     let output = fixture.path("types.gdf");
     let decoding = decoding(&model, SignalFormat::Gdf);
@@ -99,11 +85,7 @@ fn texts_of_events_get_types_in_a_gdf_file() {
     let types = decoded.expect("decoded").event_types;
     assert_eq!(types, [("0x0301".to_owned(), 1), ("0x0302".to_owned(), 2)]);
     let mut recording = Recording::open(output).expect("a recording");
-    let labels = recording
-        .events()
-        .expect("events")
-        .into_iter()
-        .map(|event| event.label);
+    let labels = recording.events().expect("events").into_iter().map(|event| event.label);
     let labels: Vec<EventLabel> = labels.collect();
     assert_eq!(labels, [1, 2, 1].map(EventLabel::Type));
 }
@@ -143,21 +125,11 @@ fn every_text_is_kept_but_a_gdf_file_has_types_for_254_of_them() {
         let held = match format {
             SignalFormat::Csv => String::from_utf8_lossy(&bytes).matches("trial ").count(),
             // numpy's texts are UTF-32.
-            SignalFormat::Npz => bytes
-                .windows(8)
-                .filter(|text| *text == b"t\0\0\0r\0\0\0")
-                .count(),
-            _ => Recording::open(output)
-                .expect("a file")
-                .events()
-                .expect("events")
-                .len(),
+            SignalFormat::Npz => bytes.windows(8).filter(|text| *text == b"t\0\0\0r\0\0\0").count(),
+            _ => Recording::open(output).expect("a file").events().expect("events").len(),
         };
         assert_eq!(held, kept, "{format:?}: {warnings}");
-        assert_eq!(
-            warnings.contains("46 events are left out: a GDF file"),
-            kept < 300
-        );
+        assert_eq!(warnings.contains("46 events are left out: a GDF file"), kept < 300);
     }
 }
 
@@ -177,27 +149,17 @@ fn a_line_of_csv_has_row_time_flags_events_and_microvolts() {
         let fields: Vec<&str> = line.split(',').collect();
         assert_eq!(fields[0], row.to_string());
         events.extend(fields[3].split('|').filter(|event| !event.is_empty()));
-        let written: Vec<f32> = fields[4..]
-            .iter()
-            .map(|x| x.parse().expect("a number"))
-            .collect();
+        let written: Vec<f32> = fields[4..].iter().map(|x| x.parse().expect("a number")).collect();
         assert_eq!(written, expected[row]);
         let is_settling = row < model::HOP;
         // In the first hop, the filters settle, and only one window contains each row.
         let settling = (Flags::SETTLING | Flags::HEALING).bits().to_string();
-        assert!(
-            !is_settling || fields[2] == settling,
-            "row {row}: {}",
-            fields[2]
-        );
+        assert!(!is_settling || fields[2] == settling, "row {row}: {}", fields[2]);
     }
     assert_eq!(events, ["0x0301", "0x0302", "0x0301"]);
     let delay_s = f64::from(Mains::Hz50.filter().group_delay_us) / 1e6;
     let second = text.lines().nth(129).expect("row 128");
-    assert!(
-        second.starts_with(&format!("128,{:.6},", 1.0 - delay_s)),
-        "{second}"
-    );
+    assert!(second.starts_with(&format!("128,{:.6},", 1.0 - delay_s)), "{second}");
 }
 
 /// Returns the values of all electrodes in each row, as the mean of all windows that contain it,
@@ -216,9 +178,7 @@ fn expected(fixture: &Fixture) -> Vec<Vec<f32>> {
         };
         let levels = code.values.levels().into_iter();
         let numbers = model::CODE_SCALE.iter().zip(&model::CODE_ZERO_POINT);
-        let z = levels
-            .zip(numbers)
-            .map(|(level, (scale, zero))| dequantise(level, *scale, *zero));
+        let z = levels.zip(numbers).map(|(level, (scale, zero))| dequantise(level, *scale, *zero));
         let window = decoder.decode(&z.collect::<Vec<f32>>());
         let first = usize::try_from(code.window).expect("few windows") * model::HOP;
         for (step, values) in window.chunks_exact(electrodes).enumerate() {
@@ -230,9 +190,7 @@ fn expected(fixture: &Fixture) -> Vec<Vec<f32>> {
         #[expect(clippy::cast_precision_loss, reason = "a few windows")]
         let share = 1.0 / windows.len() as f32;
         let sum = |electrode: usize| windows.iter().map(|window| window[electrode]).sum::<f32>();
-        (0..electrodes)
-            .map(|electrode| sum(electrode) * share)
-            .collect()
+        (0..electrodes).map(|electrode| sum(electrode) * share).collect()
     };
     rows.into_iter().map(mean).collect()
 }

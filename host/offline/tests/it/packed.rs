@@ -17,10 +17,7 @@ use crate::recording::{ENCODING, Fixture, decoding, values};
 const RATE: u8 = 2;
 
 fn encode(fixture: &Fixture, rate: Option<u8>) -> offline::Encoded {
-    let packed = Encoding {
-        stream: EncodedStream::Packed(rate),
-        ..ENCODING
-    };
+    let packed = Encoding { stream: EncodedStream::Packed(rate), ..ENCODING };
     let encoded = packed.encode(&fixture.recording(), &fixture.codes(), &Progress::default());
     encoded.expect("encoded")
 }
@@ -30,12 +27,8 @@ fn blocks(fixture: &Fixture) -> Vec<PackedCode> {
     let mut acquisition = pipeline::Acquisition::new(Mains::Hz50);
     let mut encoder = Box::new(PackedEncoder::new());
     encoder.set_rate(Rate::new(RATE).expect("a rate"));
-    let steps = fixture
-        .samples()
-        .filter_map(|sample| acquisition.process_sample(&sample));
-    steps
-        .filter_map(|step| encoder.encode_step(&step))
-        .collect()
+    let steps = fixture.samples().filter_map(|sample| acquisition.process_sample(&sample));
+    steps.filter_map(|step| encoder.encode_step(&step)).collect()
 }
 
 /// Returns the values of the rows as the library decodes them: each block also corrects the hop of
@@ -113,10 +106,7 @@ fn a_report_states_the_size_of_the_blocks() {
     let decoded = decoded.expect("decoded");
     let bits = decoded.bits_per_block().expect("packed blocks");
     let blocks = format!("{} packed blocks of {bits:.1} bits", decoded.codes);
-    let entry = Entry {
-        name: "a".to_owned(),
-        decoded,
-    };
+    let entry = Entry { name: "a".to_owned(), decoded };
     let model = Model::embedded().expect("a model");
     let folder = fixture.path("report");
     report::write(&folder, &model.description, &[entry]).expect("a report");
@@ -139,10 +129,8 @@ fn a_lost_block_is_predicted_and_counted() {
     let decoded = fixture.decode(&input, "lossy.gdf", SignalFormat::Gdf, false);
     assert_eq!(decoded.expect("decoded").missing, 4);
     let blocks = blocks(&fixture);
-    let received: Vec<_> = (0..)
-        .zip(&blocks)
-        .map(|(index, block)| (!is_lost(index)).then_some(block))
-        .collect();
+    let received: Vec<_> =
+        (0..).zip(&blocks).map(|(index, block)| (!is_lost(index)).then_some(block)).collect();
     assert!(rows(&fixture, "lossy.gdf") == expected(&received));
 }
 
@@ -173,25 +161,16 @@ fn a_malformed_block_is_predicted_and_reported() {
     let decoded = decoded.expect("decoded");
     assert_eq!(decoded.missing, 0);
     let warnings = decoded.warnings.join("; ");
-    assert!(
-        warnings.starts_with("1 packed blocks are malformed"),
-        "{warnings}"
-    );
+    assert!(warnings.starts_with("1 packed blocks are malformed"), "{warnings}");
     let blocks = blocks(&fixture);
-    let received: Vec<_> = (0..)
-        .zip(&blocks)
-        .map(|(index, block)| (index != 100).then_some(block))
-        .collect();
+    let received: Vec<_> =
+        (0..).zip(&blocks).map(|(index, block)| (index != 100).then_some(block)).collect();
     assert!(rows(&fixture, "malformed.gdf") == expected(&received));
     // The malformed block keeps the flags that the device gave it.
-    fixture
-        .decode(&input, "malformed.csv", SignalFormat::Csv, false)
-        .expect("decoded");
+    fixture.decode(&input, "malformed.csv", SignalFormat::Csv, false).expect("decoded");
     let table = fs::read_to_string(fixture.path("malformed.csv")).expect("a table");
     let hops = table.lines().skip(1).step_by(model::HOP);
-    let flags: Vec<&str> = hops
-        .map(|row| row.split(',').nth(2).expect("flags"))
-        .collect();
+    let flags: Vec<&str> = hops.map(|row| row.split(',').nth(2).expect("flags")).collect();
     let filled = Flags::SATURATED | Flags::FILLER;
     assert_eq!(flags[100], filled.bits().to_string());
     let healing = Flags::HEALING | Flags::SETTLING;
@@ -202,9 +181,7 @@ fn a_malformed_block_is_predicted_and_reported() {
 fn blocks_of_another_or_an_unknown_model_are_refused() {
     let fixture = Fixture::new();
     encode(&fixture, None);
-    let input = fixture.changed("damaged.codes", |message| {
-        !matches!(message, ToHost::Hello(_))
-    });
+    let input = fixture.changed("damaged.codes", |message| !matches!(message, ToHost::Hello(_)));
     let decoded = fixture.decode(&input, "decoded.csv", SignalFormat::Csv, false);
     let error = decoded.expect_err("nobody knows the model");
     let unknown = matches!(error, OfflineError::Codes(_, CodeFileError::NoIntroduction));

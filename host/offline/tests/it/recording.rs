@@ -37,9 +37,7 @@ impl Fixture {
     }
 
     fn with_length(seconds: u32) -> Self {
-        let fixture = Self {
-            folder: tempfile::tempdir().expect("a folder"),
-        };
+        let fixture = Self { folder: tempfile::tempdir().expect("a folder") };
         write(&fixture.recording(), seconds);
         fixture
     }
@@ -64,14 +62,10 @@ impl Fixture {
             rate_hz: model::ADC_RATE_HZ.into(),
             lsb_uv: f64::from(model::LSB_NV) / 1000.0,
         };
-        VirtualAdc::new(recording, &map, spec)
-            .expect("an ADC")
-            .map(|counts| {
-                let counts = counts.expect("a sample");
-                Sample {
-                    counts: std::array::from_fn(|channel| counts[channel]),
-                }
-            })
+        VirtualAdc::new(recording, &map, spec).expect("an ADC").map(|counts| {
+            let counts = counts.expect("a sample");
+            Sample { counts: std::array::from_fn(|channel| counts[channel]) }
+        })
     }
 
     /// Writes a file with the frames of [`Self::codes`] for whose messages `change` returns true;
@@ -126,12 +120,7 @@ impl Fixture {
 
 /// Returns options to decode the kind of codes that comes first in a file, and to replace no file.
 pub(crate) fn decoding(model: &Model, format: SignalFormat) -> Decoding<'_> {
-    Decoding {
-        model,
-        format,
-        kind: None,
-        existing: Existing::Refuse,
-    }
+    Decoding { model, format, kind: None, existing: Existing::Refuse }
 }
 
 pub(crate) const ENCODING: Encoding = Encoding {
@@ -171,9 +160,7 @@ fn write(path: &Path, seconds: u32) {
     let rows = seconds * u32::from(model::ADC_RATE_HZ);
     for first in (0..rows).step_by(64) {
         let rows = (first..first + ROWS_PER_RECORD).flat_map(row);
-        writer
-            .write_record(&rows.collect::<Vec<f32>>())
-            .expect("a record");
+        writer.write_record(&rows.collect::<Vec<f32>>()).expect("a record");
     }
     writer.finish(&EVENTS).expect("a whole file");
 }

@@ -14,10 +14,8 @@ fn a_report_names_every_recording_and_electrode() {
     fixture.encode();
     let compared = fixture.decode(&fixture.codes(), "a.gdf", SignalFormat::Gdf, true);
     let alone = fixture.decode(&fixture.codes(), "b.gdf", SignalFormat::Gdf, false);
-    let entries = [("S1/a <1>", compared), ("b", alone)].map(|(name, decoded)| Entry {
-        name: name.to_owned(),
-        decoded: decoded.expect("decoded"),
-    });
+    let entries = [("S1/a <1>", compared), ("b", alone)]
+        .map(|(name, decoded)| Entry { name: name.to_owned(), decoded: decoded.expect("decoded") });
     let model = Model::embedded().expect("a model");
     let folder = fixture.path("report");
     report::check(&folder, Existing::Refuse).expect("a new folder");
@@ -29,10 +27,9 @@ fn a_report_names_every_recording_and_electrode() {
     assert!(page.contains("no original to compare with"));
     let numbers = model.description.code.numbers;
     assert!(page.contains(&format!(" codes of {numbers} numbers")));
-    for (folder_of, files) in [
-        ("S1/a <1>", &["traces.svg", "scalp.svg", "levels.svg"][..]),
-        ("b", &["levels.svg"][..]),
-    ] {
+    for (folder_of, files) in
+        [("S1/a <1>", &["traces.svg", "scalp.svg", "levels.svg"][..]), ("b", &["levels.svg"][..])]
+    {
         for file in files {
             let text = fs::read_to_string(folder.join(folder_of).join(file)).expect("a picture");
             assert!(text.trim_end().ends_with("</svg>"), "{file}");
@@ -42,11 +39,7 @@ fn a_report_names_every_recording_and_electrode() {
     let table = fs::read_to_string(folder.join("electrodes.csv")).expect("a table");
     let lines: Vec<&str> = table.lines().collect();
     assert_eq!(lines.len(), 1 + labels().len());
-    let comparison = entries[0]
-        .decoded
-        .comparison
-        .as_ref()
-        .expect("a comparison");
+    let comparison = entries[0].decoded.comparison.as_ref().expect("a comparison");
     let prd = comparison.electrodes[0].prd_percent();
     assert!(lines[1].starts_with(&format!("S1/a <1>,{},measured,", labels()[0])));
     assert!(lines[1].ends_with(&format!(",{prd}")), "{}", lines[1]);

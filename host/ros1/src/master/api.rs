@@ -37,12 +37,7 @@ impl Api {
     /// Creates a master without registrations. `request_shutdown` becomes true when a caller asks
     /// the master to shut down.
     pub(super) fn new(uri: String, request_shutdown: watch::Sender<bool>) -> Self {
-        Self {
-            uri,
-            request_shutdown,
-            notifier: Notifier::default(),
-            state: Mutex::default(),
-        }
+        Self { uri, request_shutdown, notifier: Notifier::default(), state: Mutex::default() }
     }
 
     /// Answers one XML-RPC call with the array (code, message, value), or with a fault if the
@@ -67,11 +62,7 @@ impl Api {
             "getUri" => success("", self.uri.as_str()),
             "getPid" => success("", Value::process_id()),
             "shutdown" => {
-                tracing::info!(
-                    caller,
-                    reason = text(0),
-                    "the master was asked to shut down"
-                );
+                tracing::info!(caller, reason = text(0), "the master was asked to shut down");
                 self.request_shutdown.send_replace(true);
                 success("shutdown", 0)
             }
@@ -157,8 +148,7 @@ impl Api {
         let publishers: Value = registrations.apis(Kind::Publisher, topic).into();
         for api in registrations.apis(Kind::Subscriber, topic) {
             let arguments = [topic.into(), publishers.clone()];
-            self.notifier
-                .notify(&api, "publisherUpdate", topic, arguments);
+            self.notifier.notify(&api, "publisherUpdate", topic, arguments);
         }
     }
 
@@ -234,8 +224,7 @@ impl Api {
         for update in parameter_updates(subscribers, key, value, changer) {
             for registrant in update.registrants {
                 let arguments = [update.key.as_str().into(), update.value.clone()];
-                self.notifier
-                    .notify(&registrant.api, "paramUpdate", &update.key, arguments);
+                self.notifier.notify(&registrant.api, "paramUpdate", &update.key, arguments);
             }
         }
     }
@@ -243,10 +232,7 @@ impl Api {
 
 /// Returns the string argument at index `at`. `Signature::check` has checked that it exists.
 fn text(arguments: &[Value], at: usize) -> &str {
-    arguments
-        .get(at)
-        .and_then(Value::as_str)
-        .unwrap_or_default()
+    arguments.get(at).and_then(Value::as_str).unwrap_or_default()
 }
 
 fn published_topics(state: &State, subgraph: &str) -> Value {
@@ -255,12 +241,10 @@ fn published_topics(state: &State, subgraph: &str) -> Value {
         prefix.push('/');
     }
     let topics = state.registrations.entries(Kind::Publisher).iter();
-    let topics = topics
-        .filter(|(topic, _)| topic.starts_with(&prefix))
-        .map(|(topic, _)| {
-            let known = state.topic_types.iter().find(|(name, _)| name == topic);
-            Value::from([topic.as_str(), known.map_or("*", |(_, kind)| kind)])
-        });
+    let topics = topics.filter(|(topic, _)| topic.starts_with(&prefix)).map(|(topic, _)| {
+        let known = state.topic_types.iter().find(|(name, _)| name == topic);
+        Value::from([topic.as_str(), known.map_or("*", |(_, kind)| kind)])
+    });
     topics.collect()
 }
 
@@ -269,9 +253,7 @@ fn system_state(registrations: &Registrations) -> Value {
     let registers = kinds.into_iter().map(|kind| {
         let entries = registrations.entries(kind).iter();
         let entries = entries.map(|(name, registrants)| {
-            let nodes = registrants
-                .iter()
-                .map(|registrant| Value::from(registrant.node.as_str()));
+            let nodes = registrants.iter().map(|registrant| Value::from(registrant.node.as_str()));
             Value::Array(vec![name.as_str().into(), nodes.collect()])
         });
         entries.collect()
@@ -288,9 +270,6 @@ fn search(parameters: &Parameters, caller: &str, key: &str) -> Value {
     }
     match parameters.search(caller, key) {
         Some(found) => success(format!("Found [{found}]"), found.as_str()),
-        None => caller_error(
-            format!("Cannot find parameter [{key}] in an upwards search"),
-            "",
-        ),
+        None => caller_error(format!("Cannot find parameter [{key}] in an upwards search"), ""),
     }
 }

@@ -54,10 +54,9 @@ pub(super) fn signature(method: &str) -> Option<Signature> {
         "registerService" => (&[SERVICE, (Kind::Uri, "service_api"), API], zero),
         "lookupService" => (&[SERVICE], "".into()),
         "unregisterService" => (&[SERVICE, (Kind::Uri, "service_api")], zero),
-        "registerSubscriber" | "registerPublisher" => (
-            &[TOPIC, (Kind::Type, "topic_type"), API],
-            Value::Array(Vec::new()),
-        ),
+        "registerSubscriber" | "registerPublisher" => {
+            (&[TOPIC, (Kind::Type, "topic_type"), API], Value::Array(Vec::new()))
+        }
         "unregisterSubscriber" | "unregisterPublisher" => (&[TOPIC, API], zero),
         "lookupNode" => (&[(Kind::Name, "node")], "".into()),
         "getPublishedTopics" => (&[(Kind::Subgraph, "subgraph")], zero),

@@ -13,9 +13,7 @@ pub(super) struct Parameters {
 
 impl Default for Parameters {
     fn default() -> Self {
-        Self {
-            root: Value::Struct(Vec::new()),
-        }
+        Self { root: Value::Struct(Vec::new()) }
     }
 }
 
@@ -63,10 +61,9 @@ impl Parameters {
             return false;
         };
         let branch = parts(branch).try_fold(&mut self.root, |place, part| match place {
-            Value::Struct(members) => members
-                .iter_mut()
-                .find(|(name, _)| name == part)
-                .map(|(_, value)| value),
+            Value::Struct(members) => {
+                members.iter_mut().find(|(name, _)| name == part).map(|(_, value)| value)
+            }
             _ => None,
         });
         let Some(Value::Struct(members)) = branch else {
@@ -94,12 +91,8 @@ impl Parameters {
         let first = parts(key).next()?;
         let spaces: Vec<&str> = parts(namespace).collect();
         (0..=spaces.len()).rev().find_map(|depth| {
-            let space: String = spaces[..depth]
-                .iter()
-                .flat_map(|part| ["/", part])
-                .collect();
-            self.get(&format!("{space}/{first}"))
-                .map(|_| format!("{space}/{key}"))
+            let space: String = spaces[..depth].iter().flat_map(|part| ["/", part]).collect();
+            self.get(&format!("{space}/{first}")).map(|_| format!("{space}/{key}"))
         })
     }
 }
@@ -147,11 +140,7 @@ pub(super) fn parameter_updates(
     push_branch(&mut changed, &key, value);
     let mut updates = Vec::new();
     let mut notify = |registrants: Vec<Registrant>, key: &str, value: &Value| {
-        updates.push(ParameterUpdate {
-            registrants,
-            key: key.to_owned(),
-            value: value.clone(),
-        });
+        updates.push(ParameterUpdate { registrants, key: key.to_owned(), value: value.clone() });
     };
     for (watched, registrants) in subscribers {
         let space = with_slash(watched);
@@ -188,9 +177,5 @@ fn push_branch<'a>(names: &mut Vec<(String, &'a Value)>, branch: &str, value: &'
 
 /// Returns `key` in canonical form with a trailing slash, as subscriptions are stored.
 pub(super) fn with_slash(key: &str) -> String {
-    if key == "/" {
-        key.to_owned()
-    } else {
-        format!("{}/", canonical(key))
-    }
+    if key == "/" { key.to_owned() } else { format!("{}/", canonical(key)) }
 }

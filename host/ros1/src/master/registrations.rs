@@ -65,17 +65,11 @@ impl Registrations {
         let entry = self
             .nodes
             .entry(node.to_owned())
-            .or_insert_with(|| NodeEntry {
-                api: api.to_owned(),
-                keys: Vec::new(),
-            });
+            .or_insert_with(|| NodeEntry { api: api.to_owned(), keys: Vec::new() });
         if !entry.keys.iter().any(|(k, name)| *k == kind && name == key) {
             entry.keys.push((kind, key.to_owned()));
         }
-        let registrant = Registrant {
-            node: node.to_owned(),
-            api: api.to_owned(),
-        };
+        let registrant = Registrant { node: node.to_owned(), api: api.to_owned() };
         let register = &mut self.registers[kind as usize];
         match register.iter_mut().find(|(name, _)| name == key) {
             // A service has only one provider: the node that registered it last.
@@ -98,8 +92,7 @@ impl Registrations {
     ) -> Option<String> {
         let displaced = self.register(Kind::Service, service, node, api);
         self.had_service = true;
-        self.service_uris
-            .insert(service.to_owned(), (node.to_owned(), uri.to_owned()));
+        self.service_uris.insert(service.to_owned(), (node.to_owned(), uri.to_owned()));
         displaced
     }
 

@@ -93,11 +93,7 @@ impl Subscriber {
 
     /// Number of publishers with an open connection.
     pub fn publishers(&self) -> usize {
-        self.subscription
-            .links()
-            .iter()
-            .filter(|link| link.is_connected())
-            .count()
+        self.subscription.links().iter().filter(|link| link.is_connected()).count()
     }
 
     /// Publishers that cannot be reached, each as its URI, the reason and what to do.

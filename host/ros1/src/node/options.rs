@@ -66,10 +66,8 @@ impl NodeOptions {
     ) -> (Self, Vec<String>) {
         let variable = |name: &str| variable(name).filter(|value| !value.is_empty());
         let master_uri = variable("ROS_MASTER_URI");
-        let mut options = Self::new(
-            default_name,
-            master_uri.as_deref().unwrap_or(DEFAULT_MASTER_URI),
-        );
+        let mut options =
+            Self::new(default_name, master_uri.as_deref().unwrap_or(DEFAULT_MASTER_URI));
         options.host = variable("ROS_HOSTNAME").or_else(|| variable("ROS_IP"));
         options.ipv6 = variable("ROS_IPV6").is_some_and(|value| value == "on");
         if let Some(namespace) = variable("ROS_NAMESPACE") {
@@ -77,9 +75,8 @@ impl NodeOptions {
         }
         let mut others = Vec::new();
         for argument in arguments {
-            let pair = argument
-                .split_once(":=")
-                .filter(|(from, to)| !from.is_empty() && !to.is_empty());
+            let pair =
+                argument.split_once(":=").filter(|(from, to)| !from.is_empty() && !to.is_empty());
             let Some((from, to)) = pair else {
                 others.push(argument);
                 continue;
@@ -113,16 +110,9 @@ mod tests {
 
     fn parse(variables: &[(&str, &str)], arguments: &[&str]) -> (NodeOptions, Vec<String>) {
         let variable = |wanted: &str| {
-            variables
-                .iter()
-                .find(|(name, _)| *name == wanted)
-                .map(|(_, v)| (*v).to_owned())
+            variables.iter().find(|(name, _)| *name == wanted).map(|(_, v)| (*v).to_owned())
         };
-        NodeOptions::parse(
-            "bridge",
-            variable,
-            arguments.iter().map(|a| (*a).to_owned()),
-        )
+        NodeOptions::parse("bridge", variable, arguments.iter().map(|a| (*a).to_owned()))
     }
 
     #[test]
@@ -146,14 +136,7 @@ mod tests {
         assert_eq!(options.names().unwrap().node(), "/lab/bridge");
         let (options, others) = parse(
             &variables,
-            &[
-                "__name:=amp",
-                "__ns:=/x",
-                "__ip:=10.0.0.2",
-                "__log:=/l.log",
-                "a:=b",
-                "_p:=1",
-            ],
+            &["__name:=amp", "__ns:=/x", "__ip:=10.0.0.2", "__log:=/l.log", "a:=b", "_p:=1"],
         );
         assert_eq!(options.host.as_deref(), Some("10.0.0.2"));
         assert_eq!(options.log, Some(PathBuf::from("/l.log")));

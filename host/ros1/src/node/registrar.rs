@@ -178,11 +178,7 @@ impl Registrar {
     async fn register_missing(&self) -> Result<Vec<(Key, CallError)>, CallError> {
         let missing: Vec<Key> = {
             let graph = lock(&self.graph);
-            graph
-                .keys()
-                .into_iter()
-                .filter(|key| !graph.registered.contains(key))
-                .collect()
+            graph.keys().into_iter().filter(|key| !graph.registered.contains(key)).collect()
         };
         let mut refused = Vec::new();
         for key in missing {
@@ -204,10 +200,7 @@ impl Registrar {
             }
         }
         if self.master.send_replace(MasterStatus::Online) != MasterStatus::Online {
-            tracing::info!(
-                master = self.master_uri,
-                "the master answers; all is registered"
-            );
+            tracing::info!(master = self.master_uri, "the master answers; all is registered");
         }
         Ok(refused)
     }
@@ -285,8 +278,7 @@ impl Registrar {
             Key::Subscriber(name) => ("unregisterSubscriber", name, &self.api_uri),
             Key::Service(name) => ("unregisterService", name, &self.service_uri),
         };
-        self.call(method, &[name.as_str().into(), uri.as_str().into()])
-            .await
+        self.call(method, &[name.as_str().into(), uri.as_str().into()]).await
     }
 
     /// Closes the graph and unregisters all its keys within [`UNREGISTER_TIMEOUT`]. Includes keys
@@ -325,23 +317,17 @@ impl Registrar {
         let mut all = vec![Value::from(self.node.as_str())];
         all.extend_from_slice(arguments);
         let outcome = call_ros(&self.master_uri, method, &all).await;
-        let timed_out = matches!(
-            outcome,
-            Err(CallError::Failed {
-                failure: CallFailure::Timeout,
-                ..
-            })
-        );
+        let timed_out =
+            matches!(outcome, Err(CallError::Failed { failure: CallFailure::Timeout, .. }));
         self.unresponsive.store(timed_out, Relaxed);
         outcome
     }
 
     fn set_offline(&self, error: &CallError) {
         let status = match error {
-            CallError::Failed {
-                failure: CallFailure::Lookup(error),
-                ..
-            } => MasterStatus::Unresolved(error.clone()),
+            CallError::Failed { failure: CallFailure::Lookup(error), .. } => {
+                MasterStatus::Unresolved(error.clone())
+            }
             error => MasterStatus::Silent(error.to_string()),
         };
         let before = self.master.borrow().clone();

@@ -70,10 +70,7 @@ impl Slave {
             return failure(format!("not a publisher of [{topic}]"), 0);
         }
         let tcpros = protocols.iter().any(|protocol| {
-            let name = protocol
-                .as_array()
-                .and_then(<[Value]>::first)
-                .and_then(Value::as_str);
+            let name = protocol.as_array().and_then(<[Value]>::first).and_then(Value::as_str);
             name == Some("TCPROS")
         });
         if !tcpros {
@@ -81,11 +78,7 @@ impl Slave {
             return failure(message, 0);
         }
         let port = Value::Int(i32::from(self.port));
-        done(Value::Array(vec![
-            "TCPROS".into(),
-            self.host.as_str().into(),
-            port,
-        ]))
+        done(Value::Array(vec!["TCPROS".into(), self.host.as_str().into(), port]))
     }
 }
 
@@ -153,22 +146,13 @@ fn bus_stats(node: &Arc<Registrar>) -> Value {
             // dropped.
             let (received, dropped) = (loaded(&link.bytes), Value::Int(-1));
             let connected = link.is_connected().into();
-            Value::Array(vec![
-                count(u64::from(link.id)),
-                received,
-                dropped,
-                connected,
-            ])
+            Value::Array(vec![count(u64::from(link.id)), received, dropped, connected])
         });
         let name = subscription.inbox.topic.as_str().into();
         Value::Array(vec![name, connections.collect()])
     });
     let services = Value::Array(vec![0.into(), 0.into(), 0.into()]);
-    Value::Array(vec![
-        publications.collect(),
-        subscriptions.collect(),
-        services,
-    ])
+    Value::Array(vec![publications.collect(), subscriptions.collect(), services])
 }
 
 fn loaded(counter: &AtomicU64) -> Value {

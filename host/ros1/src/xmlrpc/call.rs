@@ -100,11 +100,7 @@ impl From<HttpError> for CallFailure {
 impl CallFailure {
     /// Turns this failure into the error of a call of `method` at `uri`.
     pub(crate) fn of(self, uri: &str, method: &str) -> CallError {
-        CallError::Failed {
-            uri: uri.to_owned(),
-            method: method.to_owned(),
-            failure: self,
-        }
+        CallError::Failed { uri: uri.to_owned(), method: method.to_owned(), failure: self }
     }
 }
 

@@ -127,10 +127,7 @@ async fn serve_requests(stream: TcpStream, answer: &Answer) -> Result<(), HttpEr
         let (status, body) = if method == "POST" {
             ("200 OK", respond(&body, answer))
         } else {
-            (
-                "501 Not Implemented",
-                "only XML-RPC by POST is served here\n".to_owned(),
-            )
+            ("501 Not Implemented", "only XML-RPC by POST is served here\n".to_owned())
         };
         let connection = if close { "close" } else { "keep-alive" };
         let response = format!(
@@ -139,9 +136,7 @@ async fn serve_requests(stream: TcpStream, answer: &Answer) -> Result<(), HttpEr
             body.len()
         );
         let sent = stream.get_mut().write_all(response.as_bytes());
-        timeout(TRANSFER_TIMEOUT, sent)
-            .await
-            .map_err(|_| timed_out())??;
+        timeout(TRANSFER_TIMEOUT, sent).await.map_err(|_| timed_out())??;
         if close {
             return Ok(());
         }
@@ -157,18 +152,10 @@ async fn read_request(
         return Ok(None);
     };
     if head.expects_continue {
-        stream
-            .get_mut()
-            .write_all(b"HTTP/1.1 100 Continue\r\n\r\n")
-            .await?;
+        stream.get_mut().write_all(b"HTTP/1.1 100 Continue\r\n\r\n").await?;
     }
     let body = read_body(stream, &head).await?;
-    let method = head
-        .first_line
-        .split_ascii_whitespace()
-        .next()
-        .unwrap_or_default()
-        .to_owned();
+    let method = head.first_line.split_ascii_whitespace().next().unwrap_or_default().to_owned();
     Ok(Some((body, method, head.close)))
 }
 
@@ -182,10 +169,7 @@ fn respond(body: &[u8], answer: &Answer) -> String {
 }
 
 fn timed_out() -> HttpError {
-    HttpError::Io(io::Error::new(
-        io::ErrorKind::TimedOut,
-        "the peer sends or receives too slowly",
-    ))
+    HttpError::Io(io::Error::new(io::ErrorKind::TimedOut, "the peer sends or receives too slowly"))
 }
 
 /// Answers each call in a list. The result for one call is an array that holds the value, or a

@@ -73,11 +73,7 @@ impl Value {
     /// an empty list if the value is not an array.
     pub(crate) fn strings(&self) -> Vec<String> {
         let items = self.as_array().unwrap_or_default();
-        items
-            .iter()
-            .filter_map(Self::as_str)
-            .map(str::to_owned)
-            .collect()
+        items.iter().filter_map(Self::as_str).map(str::to_owned).collect()
     }
 
     /// Returns the process ID of this program; an ID beyond 2^31 - 1 becomes 2^31 - 1.

@@ -41,10 +41,7 @@ fn fragments() -> impl Strategy<Value = String> {
     const FRAGMENTS: &str = "<methodCall> </methodCall> <methodName> </methodName> <params> \
         </params> <param> </param> <value> </value> <int> </int> <array> <data> </data> </array> \
         <struct> <member> <name> </name> <nil/> 1 &lt; &#0; <![CDATA[ ]]>";
-    let fragments: Vec<&str> = FRAGMENTS
-        .split(' ')
-        .filter(|part| !part.is_empty())
-        .collect();
+    let fragments: Vec<&str> = FRAGMENTS.split(' ').filter(|part| !part.is_empty()).collect();
     vec(prop::sample::select(fragments), 0..40).prop_map(|parts| parts.concat())
 }
 
@@ -100,20 +97,14 @@ proptest! {
 #[test]
 fn strings_that_are_not_utf8_keep_their_readable_part() {
     let xml = b"<methodCall><methodName>m</methodName><params><param><value>caf\xe9</value></param></params></methodCall>";
-    assert_eq!(
-        decode_call(xml).unwrap().arguments,
-        [Value::from("caf\u{fffd}")]
-    );
+    assert_eq!(decode_call(xml).unwrap().arguments, [Value::from("caf\u{fffd}")]);
 }
 
 #[test]
 fn deeply_nested_values_are_refused() {
     let deep = "<value><array><data>".repeat(100_000);
     let xml = format!("<methodCall><methodName>m</methodName><params><param>{deep}");
-    assert!(matches!(
-        decode_call(xml.as_bytes()),
-        Err(DecodeError::TooDeep)
-    ));
+    assert!(matches!(decode_call(xml.as_bytes()), Err(DecodeError::TooDeep)));
 }
 
 #[test]
@@ -121,10 +112,7 @@ fn a_struct_with_200000_members_is_decoded_in_time_and_the_last_duplicate_wins()
     let mut members = String::new();
     for n in 0..200_000 {
         let name = n % 150_000;
-        let _ = write!(
-            members,
-            "<member><name>n{name}</name><value>{n}</value></member>"
-        );
+        let _ = write!(members, "<member><name>n{name}</name><value>{n}</value></member>");
     }
     let xml = format!(
         "<methodResponse><params><param><value><struct>{members}</struct></value></param></params></methodResponse>"
@@ -132,11 +120,7 @@ fn a_struct_with_200000_members_is_decoded_in_time_and_the_last_duplicate_wins()
     let started = std::time::Instant::now();
     let value = decode_response(xml.as_bytes()).unwrap().unwrap();
     // Decoding takes about 1 s. A linear search for each name would need about 1e10 comparisons.
-    assert!(
-        started.elapsed() < std::time::Duration::from_secs(20),
-        "{:?}",
-        started.elapsed()
-    );
+    assert!(started.elapsed() < std::time::Duration::from_secs(20), "{:?}", started.elapsed());
     assert_eq!(value.member("n1"), Some(&Value::from("150001")));
     assert_eq!(value.member("n149999"), Some(&Value::from("149999")));
 }
@@ -158,10 +142,7 @@ fn the_formatting_of_python_peers_is_decoded() {
         </params>\n</methodCall>\n";
     let list = vec![Value::Int(-3), "".into(), "".into(), " plain ".into()];
     let call = decode_call(xml).unwrap();
-    assert_eq!(
-        call.arguments[0],
-        Value::Struct(vec![("a".to_owned(), true.into())])
-    );
+    assert_eq!(call.arguments[0], Value::Struct(vec![("a".to_owned(), true.into())]));
     assert_eq!(call.arguments[1], Value::Array(list));
 }
 

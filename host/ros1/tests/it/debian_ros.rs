@@ -20,10 +20,7 @@ pub(crate) fn installed(test: &str) -> bool {
         return true;
     }
     let required = std::env::var("CORTICODE_REQUIRE_ROS").is_ok_and(|value| value == "1");
-    assert!(
-        !required,
-        "{test} needs ROS 1 and CORTICODE_REQUIRE_ROS is 1; run: {INSTALL}"
-    );
+    assert!(!required, "{test} needs ROS 1 and CORTICODE_REQUIRE_ROS is 1; run: {INSTALL}");
     report_skipped(test, &format!("roscore is not installed; run: {INSTALL}"));
     false
 }
@@ -51,9 +48,7 @@ pub(crate) struct Running {
 
 impl Running {
     pub(crate) fn start(mut command: Command) -> Self {
-        Self {
-            child: command.process_group(0).spawn().unwrap(),
-        }
+        Self { child: command.process_group(0).spawn().unwrap() }
     }
 }
 
@@ -65,10 +60,7 @@ impl Drop for Running {
 }
 
 fn kill(signal: &str, process: &str) {
-    let _ = Command::new("/bin/kill")
-        .args([signal, "--", process])
-        .stderr(Stdio::null())
-        .status();
+    let _ = Command::new("/bin/kill").args([signal, "--", process]).stderr(Stdio::null()).status();
 }
 
 /// A running `rosmaster`, or a `roscore` with the master and the rosout node that it starts.
@@ -102,10 +94,7 @@ impl RosMaster {
         if program == "rosmaster" {
             command.arg("--core");
         }
-        command
-            .args(["-p", &port.to_string()])
-            .stdout(Stdio::null())
-            .stderr(Stdio::null());
+        command.args(["-p", &port.to_string()]).stdout(Stdio::null()).stderr(Stdio::null());
         let running = Running::start(command);
         let started = Instant::now();
         let pid = loop {

@@ -107,10 +107,7 @@ pub(crate) struct DelayingProxy {
 impl DelayingProxy {
     pub(crate) fn start(listener: TcpListener, master: &Master, method: &'static str) -> Self {
         let (held, release) = (Arc::new(Notify::new()), Arc::new(Notify::new()));
-        let ours = Self {
-            held: Arc::clone(&held),
-            release: Arc::clone(&release),
-        };
+        let ours = Self { held: Arc::clone(&held), release: Arc::clone(&release) };
         let master = socket_address(master);
         tokio::spawn(async move {
             let mut first = true;

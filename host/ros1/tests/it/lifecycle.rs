@@ -87,10 +87,8 @@ async fn dropped_handles_are_unregistered_and_their_names_are_free_again() {
         expect_text(&mut subscriber, &format!("{round}")).await;
         drop((publisher, subscriber, service));
     }
-    wait_until("the unregistration", async || {
-        system_state(&master).await == no_registrations()
-    })
-    .await;
+    wait_until("the unregistration", async || system_state(&master).await == no_registrations())
+        .await;
 }
 
 #[tokio::test]

@@ -21,14 +21,8 @@ use tokio::{
 /// Time limit of each wait: far longer than any operation takes, even on a busy machine.
 pub(crate) const TIMEOUT: Duration = Duration::from_secs(30);
 
-pub(crate) const QUEUE: PublisherOptions = PublisherOptions {
-    queue: 4096,
-    latch: false,
-};
-pub(crate) const LATCH: PublisherOptions = PublisherOptions {
-    queue: 4,
-    latch: true,
-};
+pub(crate) const QUEUE: PublisherOptions = PublisherOptions { queue: 4096, latch: false };
+pub(crate) const LATCH: PublisherOptions = PublisherOptions { queue: 4, latch: true };
 
 /// A message with one string. `rosmsg md5 std_msgs/String` prints its MD5 sum.
 pub(crate) static STRING: MessageType = MessageType {
@@ -63,11 +57,7 @@ impl Talker {
         let master = start_master().await;
         let node = start_node("talker", &master).await;
         let publisher = node.advertise("/chat", &STRING, options).await.unwrap();
-        Self {
-            master,
-            node,
-            publisher,
-        }
+        Self { master, node, publisher }
     }
 
     /// Starts a talker that has published one latched message, `hello`.
@@ -90,9 +80,7 @@ impl Talker {
         let arguments = [Value::from("/test"), "/chat".into(), protocols];
         let offer = call_ros(self.node.uri(), "requestTopic", &arguments).await;
         let offer = offer.unwrap();
-        let [_, host, port] = offer.as_array().unwrap() else {
-            panic!("{offer:?}")
-        };
+        let [_, host, port] = offer.as_array().unwrap() else { panic!("{offer:?}") };
         format!("{}:{}", host.as_str().unwrap(), port.as_int().unwrap())
     }
 }
@@ -130,10 +118,7 @@ pub(crate) async fn wait_until(what: &str, mut done: impl AsyncFnMut() -> bool) 
 
 /// Waits until `publisher` has exactly this number of subscribers.
 pub(crate) async fn wait_for_subscribers(publisher: &Publisher, subscribers: usize) {
-    wait_until("the subscribers", async || {
-        publisher.subscribers() == subscribers
-    })
-    .await;
+    wait_until("the subscribers", async || publisher.subscribers() == subscribers).await;
 }
 
 /// Waits until the node knows that its master answers, or if `is_online` is false, that it does
@@ -150,10 +135,7 @@ pub(crate) async fn wait_for_master(node: &Node, is_online: bool) {
 pub(crate) async fn wait_for_registration(master: &str, nodes: &[&Node]) {
     let back = Instant::now();
     for node in nodes {
-        wait_until("the registration", async || {
-            is_registered(master, node).await
-        })
-        .await;
+        wait_until("the registration", async || is_registered(master, node).await).await;
     }
     println!("registered again after {:?}", back.elapsed());
     assert!(back.elapsed() < Duration::from_secs(4));
@@ -233,7 +215,5 @@ pub(crate) async fn read_header(stream: &mut TcpStream) -> Header {
 /// Returns whether the peer closes the connection within 15 s, three times the handshake timeout.
 pub(crate) async fn is_closed(stream: &mut TcpStream) -> bool {
     let mut rest = Vec::new();
-    timeout(Duration::from_secs(15), stream.read_to_end(&mut rest))
-        .await
-        .is_ok()
+    timeout(Duration::from_secs(15), stream.read_to_end(&mut rest)).await.is_ok()
 }

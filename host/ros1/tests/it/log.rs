@@ -29,9 +29,7 @@ impl Log {
     #[expect(clippy::unused_self, reason = "there are lines only after the start")]
     pub(crate) fn count(&self, level: Level, part: &str) -> usize {
         LINES.with_borrow(|lines| {
-            let found = lines
-                .iter()
-                .filter(|(of, line)| *of == level && line.contains(part));
+            let found = lines.iter().filter(|(of, line)| *of == level && line.contains(part));
             found.count()
         })
     }

@@ -25,10 +25,7 @@ use crate::{
 };
 
 /// A queue so short that it drops messages if a subscriber reads slowly.
-const SHORT_QUEUE: PublisherOptions = PublisherOptions {
-    queue: 16,
-    latch: false,
-};
+const SHORT_QUEUE: PublisherOptions = PublisherOptions { queue: 16, latch: false };
 
 /// Encodes the connection header of a subscriber to `topic`.
 fn subscription(topic: &str, md5: &str) -> Vec<u8> {
@@ -79,9 +76,7 @@ async fn a_wrong_md5_is_refused_with_a_reason_and_a_wildcard_is_accepted() {
     let wrong = "0123456789abcdef0123456789abcdef";
     let encoded = |fields: &[(&str, &str)]| {
         let fields = fields.iter();
-        let header = fields.fold(Header::new(), |header, (name, value)| {
-            header.with(name, value)
-        });
+        let header = fields.fold(Header::new(), |header, (name, value)| header.with(name, value));
         header.encode().unwrap()
     };
     for (header, expected) in [
@@ -107,16 +102,9 @@ async fn a_wrong_md5_is_refused_with_a_reason_and_a_wildcard_is_accepted() {
 
 #[tokio::test]
 async fn a_subscriber_of_another_type_receives_nothing_and_one_of_any_type_everything() {
-    static OTHER: MessageType = MessageType {
-        name: "other/Type",
-        md5: "0123456789abcdef0123456789abcdef",
-        definition: "",
-    };
-    static ANY: MessageType = MessageType {
-        name: "*",
-        md5: "*",
-        definition: "",
-    };
+    static OTHER: MessageType =
+        MessageType { name: "other/Type", md5: "0123456789abcdef0123456789abcdef", definition: "" };
+    static ANY: MessageType = MessageType { name: "*", md5: "*", definition: "" };
     let talker = Talker::latched().await;
     let wrong = start_node("wrong", &talker.master).await;
     let mut nothing = wrong.subscribe("/chat", &OTHER, 4).await.unwrap();
@@ -303,9 +291,8 @@ async fn random_bytes_on_every_port_leave_node_and_master_working() {
     // Pseudo-random bytes from Knuth's MMIX generator, so that every run sends the same bytes.
     let mut state = 1_u64;
     let mut noise = || {
-        state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
+        state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         state.to_be_bytes()[0]
     };
     for round in 0..300 {
@@ -346,10 +333,7 @@ fn connections(port: u16) -> (usize, usize) {
 /// TCP keepalive detects peers whose machine has vanished. A peer on the same machine cannot
 /// vanish, so the test checks in Linux's connection table that keepalive is enabled.
 #[tokio::test]
-#[cfg_attr(
-    not(target_os = "linux"),
-    ignore = "reads the connection table of Linux"
-)]
+#[cfg_attr(not(target_os = "linux"), ignore = "reads the connection table of Linux")]
 async fn both_ends_of_topic_and_service_connections_use_keepalive() {
     let talker = Talker::start(QUEUE).await;
     let _service = serve(&talker.node, "/serve", &[]).await;

@@ -25,10 +25,7 @@ async fn start_node(name: &str, port: u16) -> Node {
 /// Runs a ROS program to completion and returns its standard output.
 async fn output(program: &str, port: u16, arguments: &[&str]) -> String {
     let mut command = command(program, port);
-    command
-        .args(arguments)
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped());
+    command.args(arguments).stdout(Stdio::piped()).stderr(Stdio::piped());
     let what = format!("{program} {arguments:?}");
     let run = tokio::task::spawn_blocking(move || command.output().unwrap());
     let output = timeout(TIMEOUT, run).await.expect(&what).unwrap();
@@ -50,15 +47,10 @@ async fn permit_negation(port: u16, permitted: bool) {
 async fn wait_for_echo(up: &Publisher, down: &mut Subscriber) {
     wait_until("the first echo", async || {
         up.publish(&string("hello"));
-        timeout(Duration::from_millis(100), down.recv())
-            .await
-            .is_ok()
+        timeout(Duration::from_millis(100), down.recv()).await.is_ok()
     })
     .await;
-    while timeout(Duration::from_millis(500), down.recv())
-        .await
-        .is_ok()
-    {}
+    while timeout(Duration::from_millis(500), down.recv()).await.is_ok() {}
 }
 
 /// Starts a rospy node that republishes `/up` on `/down` and provides `/negate`, and uses all three
@@ -84,10 +76,8 @@ async fn echoes_through_rospy(port: u16) {
     }
     assert_eq!((up.dropped(), down.dropped()), (0, 0));
 
-    wait_until("the rospy service", async || {
-        ours.call("/negate", &SET_BOOL, &[1]).await.is_ok()
-    })
-    .await;
+    wait_until("the rospy service", async || ours.call("/negate", &SET_BOOL, &[1]).await.is_ok())
+        .await;
     let answer = ours.call("/negate", &SET_BOOL, &[0]).await.unwrap();
     assert_eq!(answer, [&[1][..], &string("negated")].concat());
     let mut persistent = ours.connect("/negate", &SET_BOOL).await.unwrap();
@@ -117,10 +107,7 @@ async fn a_rospy_node_echoes_and_answers_through_our_master() {
         let nodes = output("rosnode", port, &["list"]).await;
         assert!(!nodes.contains("/ours"), "{nodes}");
         output("rosparam", port, &["set", "/a/b", "[1, {c: 2.5}]"]).await;
-        assert_eq!(
-            output("rosparam", port, &["get", "/a"]).await.trim(),
-            "b:\n- 1\n- c: 2.5"
-        );
+        assert_eq!(output("rosparam", port, &["get", "/a"]).await.trim(), "b:\n- 1\n- c: 2.5");
         master.shutdown().await;
     }
 }
@@ -149,9 +136,7 @@ async fn rostopic_rosservice_and_rosnode_work_with_our_node() {
     let kind = output("rostopic", port, &["type", "/lab/chatter"]).await;
     assert_eq!(kind.trim(), "std_msgs/String");
     let mut listener = command("rostopic", port);
-    listener
-        .args(["echo", "/lab/chatter"])
-        .stdout(Stdio::null());
+    listener.args(["echo", "/lab/chatter"]).stdout(Stdio::null());
     let listener = Running::start(listener);
     wait_for_subscribers(&publisher, 1).await;
     let info = output("rosnode", port, &["info", "/lab/ours"]).await;
@@ -174,9 +159,7 @@ async fn rostopic_rosservice_and_rosnode_work_with_our_node() {
     assert_eq!(answer.trim(), "success: True\nmessage: \"was false\"");
     let mut refused = command("rosservice", port);
     refused.args(["call", "/lab/ours/negate", "true"]);
-    let refused = tokio::task::spawn_blocking(move || refused.output().unwrap())
-        .await
-        .unwrap();
+    let refused = tokio::task::spawn_blocking(move || refused.output().unwrap()).await.unwrap();
     let message = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert!(message.contains("true is not allowed"), "{message}");
 

@@ -105,10 +105,7 @@ async fn a_publisher_missing_from_the_masters_list_keeps_its_open_connection() {
     talker.publisher.publish(&string("still here"));
     expect_text(&mut subscriber, "still here").await;
     drop(talker.publisher);
-    wait_until("the connection to close", async || {
-        subscriber.publishers() == 0
-    })
-    .await;
+    wait_until("the connection to close", async || subscriber.publishers() == 0).await;
 }
 
 #[tokio::test]
@@ -170,10 +167,7 @@ async fn a_silent_master_delays_advertising_only_once_and_gets_the_registrations
     assert!(waited < Duration::from_secs(4), "{waited:?}");
     drop(silent);
     let master = master_at(address).await;
-    wait_until("the registration", async || {
-        is_registered(master.uri(), &talker).await
-    })
-    .await;
+    wait_until("the registration", async || is_registered(master.uri(), &talker).await).await;
     wait_until("the service to answer", async || {
         talker.call("/serve", &SET_BOOL, &[]).await.is_ok()
     })

@@ -39,12 +39,7 @@ fn line(words: &'static str) -> Call {
 }
 
 fn tree(members: &[(&str, Value)]) -> Value {
-    Value::Struct(
-        members
-            .iter()
-            .map(|(name, value)| ((*name).to_owned(), value.clone()))
-            .collect(),
-    )
+    Value::Struct(members.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect())
 }
 
 fn registrations() -> Vec<Call> {
@@ -111,10 +106,7 @@ fn displacement() -> Vec<Call> {
 fn parameters() -> Vec<Call> {
     let set = |key: &str, value: Value| ("setParam", vec!["/lab/x".into(), key.into(), value]);
     let get = |key: &str| ("getParam", texts(&["/lab/x", key]));
-    let nested = tree(&[
-        ("p", 1.into()),
-        ("q", tree(&[("r", 2.5.into()), ("s", "t".into())])),
-    ]);
+    let nested = tree(&[("p", 1.into()), ("q", tree(&[("r", 2.5.into()), ("s", "t".into())]))]);
     vec![
         get("/"),
         get("/none"),
@@ -122,10 +114,7 @@ fn parameters() -> Vec<Call> {
         set("/flag", true.into()),
         set("/double", 0.1.into()),
         set("/text", "a <b> & \"c\" 'd'\n\u{e9}\u{1F600}".into()),
-        set(
-            "/list",
-            Value::Array(vec![1.into(), "two".into(), Value::Array(vec![])]),
-        ),
+        set("/list", Value::Array(vec![1.into(), "two".into(), Value::Array(vec![])])),
         set("/nil", Value::Nil),
         set("", 1.into()),
         set("/", 1.into()),
@@ -185,10 +174,7 @@ fn parameters() -> Vec<Call> {
 fn invalid_calls() -> Vec<Call> {
     let [a, _] = NODES;
     let one = |method: &str, arguments: Vec<Value>| {
-        tree(&[
-            ("methodName", method.into()),
-            ("params", Value::Array(arguments)),
-        ])
+        tree(&[("methodName", method.into()), ("params", Value::Array(arguments))])
     };
     let many = vec![
         one("hasParam", texts(&["/t", "/fresh"])),
@@ -211,10 +197,7 @@ fn invalid_calls() -> Vec<Call> {
         line("registerPublisher /t /x - A"),
         line("registerPublisher /t /x p/T -"),
         line("registerPublisher /t /x p/T host:1"),
-        (
-            "registerSubscriber",
-            vec!["/t".into(), 1.into(), "p/T".into(), a.into()],
-        ),
+        ("registerSubscriber", vec!["/t".into(), 1.into(), "p/T".into(), a.into()]),
         line("registerService /t /x tcp://h A"),
         line("lookupService /t -"),
         ("lookupNode", vec!["/t".into(), Value::Array(vec![])]),
@@ -232,17 +215,12 @@ fn invalid_calls() -> Vec<Call> {
 fn replaced(value: &Value, pairs: &[(&str, &str)]) -> Value {
     match value {
         Value::String(text) => {
-            let text = pairs
-                .iter()
-                .fold(text.clone(), |text, (from, to)| text.replace(from, to));
+            let text = pairs.iter().fold(text.clone(), |text, (from, to)| text.replace(from, to));
             Value::String(text)
         }
         Value::Array(items) => items.iter().map(|item| replaced(item, pairs)).collect(),
         Value::Struct(members) => Value::Struct(
-            members
-                .iter()
-                .map(|(name, value)| (name.clone(), replaced(value, pairs)))
-                .collect(),
+            members.iter().map(|(name, value)| (name.clone(), replaced(value, pairs))).collect(),
         ),
         other => other.clone(),
     }
@@ -281,16 +259,12 @@ async fn run(master: &str, script: &[Call]) -> Vec<String> {
     let from_real = [(uris[0], NODES[0]), (uris[1], NODES[1])];
     let mut lines = Vec::new();
     for (method, arguments) in script {
-        let real: Vec<Value> = arguments
-            .iter()
-            .map(|value| replaced(value, &to_real))
-            .collect();
+        let real: Vec<Value> = arguments.iter().map(|value| replaced(value, &to_real)).collect();
         let answer = match call(master, method, &real).await {
             Ok(value) => format!("{:?}", replaced(&value, &from_real)),
-            Err(CallError::Failed {
-                failure: CallFailure::Fault(fault),
-                ..
-            }) => format!("fault {fault:?}"),
+            Err(CallError::Failed { failure: CallFailure::Fault(fault), .. }) => {
+                format!("fault {fault:?}")
+            }
             Err(error) => panic!("{master} {method}: {error}"),
         };
         lines.push(format!("{method}{arguments:?} -> {answer}"));
@@ -326,11 +300,7 @@ async fn compare(test: &str, script: Vec<Call>, min_notifications: usize) {
     for (expected, actual) in expected.iter().zip(&actual) {
         assert_eq!(actual, expected, "left: ours, right: rosmaster's");
     }
-    assert_eq!(
-        actual.len(),
-        expected.len(),
-        "ours: {actual:#?}, rosmaster's: {expected:#?}"
-    );
+    assert_eq!(actual.len(), expected.len(), "ours: {actual:#?}, rosmaster's: {expected:#?}");
     ours.shutdown().await;
 }
 

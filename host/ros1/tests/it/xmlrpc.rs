@@ -21,13 +21,8 @@ async fn invalid_xml_slow_requests_and_oversized_heads_block_nobody() {
     for uri in [talker.master.uri(), talker.node.uri()] {
         let address = host_and_port(uri);
         let mut slow = open(address, b"POST / HTTP/1.1\r\nContent-").await;
-        for body in [
-            "<methodCall>",
-            "no xml",
-            "<a></b>",
-            "\u{0}",
-            "<methodCall><methodName>\u{e9}",
-        ] {
+        for body in ["<methodCall>", "no xml", "<a></b>", "\u{0}", "<methodCall><methodName>\u{e9}"]
+        {
             let head = format!("POST / HTTP/1.0\r\nContent-Length: {}\r\n\r\n", body.len());
             let mut stream = open(address, (head + body).as_bytes()).await;
             let mut answer = String::new();
@@ -41,10 +36,7 @@ async fn invalid_xml_slow_requests_and_oversized_heads_block_nobody() {
         let _ = stream.write_all(&vec![b'a'; 100_000]).await;
         assert!(is_closed(&mut stream).await);
         assert!(answers(uri).await);
-        assert!(
-            is_closed(&mut slow).await,
-            "an incomplete request times out"
-        );
+        assert!(is_closed(&mut slow).await, "an incomplete request times out");
     }
 }
 
@@ -172,15 +164,9 @@ async fn the_slave_api_answers_every_method_of_ros() {
     // writing it, so the sender's counter can change after the message has been received.
     wait_until("the counters", async || {
         let stats = ask("getBusStats", &["/t"]).await.unwrap();
-        let [sent, received, _] = stats.as_array().unwrap() else {
-            panic!("{stats:?}")
-        };
+        let [sent, received, _] = stats.as_array().unwrap() else { panic!("{stats:?}") };
         let link = |messages: i32| [Value::from(0), 9.into(), messages.into(), true.into()];
-        let topic = [
-            Value::from("/chat"),
-            9.into(),
-            [Value::from(link(1))].into(),
-        ];
+        let topic = [Value::from("/chat"), 9.into(), [Value::from(link(1))].into()];
         let incoming = [Value::from("/chat"), [Value::from(link(-1))].into()];
         *sent == [Value::from(topic)].into() && *received == [Value::from(incoming)].into()
     })

@@ -30,19 +30,13 @@ fn a_command_needs_the_token_and_the_own_origin() {
         assert_eq!(status(&response), expected, "{fields}");
     }
     assert_eq!(status(&served.request("GET /stop", &right)), "404");
-    assert!(
-        served.commands.try_recv().is_err(),
-        "a command was passed on"
-    );
+    assert!(served.commands.try_recv().is_err(), "a command was passed on");
 }
 
 #[test]
 fn every_command_is_passed_on_and_answered() {
     let served = Served::start("127.0.0.1:0");
-    let cz = Command::Exclude {
-        label: "Cz".to_owned(),
-        decision: Decision::Always,
-    };
+    let cz = Command::Exclude { label: "Cz".to_owned(), decision: Decision::Always };
     for (path, parameter, command) in [
         ("/start", "", Command::Start),
         ("/stop", "", Command::Stop),
@@ -58,15 +52,9 @@ fn every_command_is_passed_on_and_answered() {
         assert_eq!(served.commands.try_recv(), Ok(command));
     }
     let refused = served.command("/rate", "16");
-    assert_eq!(
-        (status(&refused), body(&refused)),
-        ("409", "rates are 0 to 15")
-    );
+    assert_eq!((status(&refused), body(&refused)), ("409", "rates are 0 to 15"));
     let ended = served.command("/self-test", "");
-    assert_eq!(
-        (status(&ended), body(&ended)),
-        ("503", "the program has ended")
-    );
+    assert_eq!((status(&ended), body(&ended)), ("503", "the program has ended"));
 }
 
 #[test]
@@ -92,10 +80,7 @@ fn a_malformed_command_is_refused_with_its_form() {
     }
     // Without the token, nobody learns the form of a command.
     let response = served.request("POST /record", "");
-    assert_eq!(
-        (status(&response), body(&response)),
-        ("401", "401 Unauthorized")
-    );
+    assert_eq!((status(&response), body(&response)), ("401", "401 Unauthorized"));
     assert!(served.commands.try_recv().is_err());
 }
 
@@ -105,10 +90,7 @@ fn the_stream_needs_the_token_unless_the_page_is_on_loopback() {
     for (fields, expected) in [
         (String::new(), "401"),
         (bearer("abc"), "401"),
-        (
-            format!("Origin: http://example.org\r\n{}", bearer(TOKEN)),
-            "403",
-        ),
+        (format!("Origin: http://example.org\r\n{}", bearer(TOKEN)), "403"),
     ] {
         let response = served.request("GET /stream", &fields);
         assert_eq!(status(&response), expected, "{fields}");
@@ -186,12 +168,8 @@ fn long_and_malformed_requests_are_refused() {
     let fields = format!("Field: {}\r\n", "x".repeat(10 << 20));
     let response = served.request("GET /", &fields);
     assert_eq!(status(&response), "431");
-    for request in [
-        "\r\n\r\n",
-        "\u{16}\u{3}\u{1}\r\n\r\n",
-        "GET\r\n\r\n",
-        "GET / HTTP/1.1\r\n\r\n",
-    ] {
+    for request in ["\r\n\r\n", "\u{16}\u{3}\u{1}\r\n\r\n", "GET\r\n\r\n", "GET / HTTP/1.1\r\n\r\n"]
+    {
         let mut stream = served.connect();
         stream.write_all(request.as_bytes()).unwrap();
         let response = std::io::read_to_string(stream).unwrap();
@@ -205,10 +183,9 @@ fn ten_megabytes_are_refused_and_cost_no_other_client_a_thing() {
     let body_of = "x".repeat(10 << 20);
     let own = format!("Origin: http://{}\r\n{}", served.address, bearer(TOKEN));
     let stated = format!("{own}Content-Length: {}\r\n", body_of.len());
-    for (fields, expected) in [
-        (stated.as_str(), "413"),
-        (&format!("{own}Transfer-Encoding: chunked\r\n"), "413"),
-    ] {
+    for (fields, expected) in
+        [(stated.as_str(), "413"), (&format!("{own}Transfer-Encoding: chunked\r\n"), "413")]
+    {
         let response = served.request_with("POST /marker", fields, &body_of);
         assert_eq!(status(&response), expected, "{response}");
     }

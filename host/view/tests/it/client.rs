@@ -38,11 +38,7 @@ impl Served {
         if address.ip().is_unspecified() {
             address.set_ip([127, 0, 0, 1].into());
         }
-        Served {
-            view,
-            address,
-            commands,
-        }
+        Served { view, address, commands }
     }
 
     pub(crate) fn connect(&self) -> TcpStream {

@@ -13,10 +13,7 @@ const FRAMES: u32 = 4000;
 
 fn frame() -> NeuroFrame {
     let labels = (0..61).map(|index| format!("E{index}")).collect();
-    let eeg = NeuroDataInfo {
-        nsamples: 32,
-        ..NeuroDataInfo::default()
-    };
+    let eeg = NeuroDataInfo { nsamples: 32, ..NeuroDataInfo::default() };
     NeuroFrame::zeros(512, "", eeg.with_labels(labels), NeuroDataInfo::default())
 }
 

@@ -38,10 +38,9 @@ fn polynomials(section: &Section) -> ([f64; 3], [f64; 2]) {
         Section::BandPass { gain, a1, a2 } => {
             ([value(gain), 0.0, -value(gain)], [value(a1), value(a2)])
         }
-        Section::LowPass { gain, a1, a2 } => (
-            [value(gain), 2.0 * value(gain), value(gain)],
-            [value(a1), value(a2)],
-        ),
+        Section::LowPass { gain, a1, a2 } => {
+            ([value(gain), 2.0 * value(gain), value(gain)], [value(a1), value(a2)])
+        }
     }
 }
 
@@ -49,11 +48,7 @@ fn polynomials(section: &Section) -> ([f64; 3], [f64; 2]) {
 fn outer_pole(section: &Section) -> f64 {
     let [a1, a2] = polynomials(section).1;
     let discriminant = a1 * a1 / 4.0 + a2;
-    if discriminant < 0.0 {
-        (-a2).sqrt()
-    } else {
-        a1.abs() / 2.0 + discriminant.sqrt()
-    }
+    if discriminant < 0.0 { (-a2).sqrt() } else { a1.abs() / 2.0 + discriminant.sqrt() }
 }
 
 /// Filters `input` with the section's difference equation, computed in f64.
@@ -106,11 +101,6 @@ fn a_notch_passes_a_constant_unchanged() {
     };
     let cascade = Cascade { sections: [notch] };
     let mut state = CascadeState::REST;
-    let last = (0..5_000)
-        .map(|_| cascade.apply(&mut state, 100_000_000))
-        .last();
-    assert!(
-        last.is_some_and(|y| (y - 100_000_000).abs() <= 1),
-        "{last:?}"
-    );
+    let last = (0..5_000).map(|_| cascade.apply(&mut state, 100_000_000)).last();
+    assert!(last.is_some_and(|y| (y - 100_000_000).abs() <= 1), "{last:?}");
 }

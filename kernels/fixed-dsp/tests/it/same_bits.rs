@@ -19,10 +19,7 @@ impl Design<5> for Mixture {
                 a1: Coefficient::nearest(1.990_036_109),
                 a2: Coefficient::nearest(-0.990_074_359),
             },
-            Section::HighPass {
-                a1: Coefficient::nearest(-0.7),
-                a2: Coefficient::nearest(-0.49),
-            },
+            Section::HighPass { a1: Coefficient::nearest(-0.7), a2: Coefficient::nearest(-0.49) },
             Section::BandPass {
                 gain: Coefficient::nearest(0.272_398),
                 a1: Coefficient::nearest(1.443_524),
@@ -46,10 +43,7 @@ struct Exact {
 }
 
 impl Exact {
-    const REST: Self = Self {
-        memory: [0; 4],
-        error: 1 << 31,
-    };
+    const REST: Self = Self { memory: [0; 4], error: 1 << 31 };
 
     fn apply(&mut self, section: &Section, x0: i32) -> i32 {
         let q = |coefficient: Coefficient| i128::from(coefficient.to_q32());

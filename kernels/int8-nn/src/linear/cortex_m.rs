@@ -20,13 +20,7 @@ pub(super) fn accumulate(inputs: &[Pair], weights: &[Pair], accumulators: &mut [
     // pairs of weights. It has cut inputs and accumulators to these lengths. The loops read and
     // write exactly that many elements.
     unsafe {
-        quads(
-            weights.as_ptr(),
-            inputs.start,
-            inputs.end,
-            accumulators.start,
-            accumulators.end,
-        );
+        quads(weights.as_ptr(), inputs.start, inputs.end, accumulators.start, accumulators.end);
     }
 }
 

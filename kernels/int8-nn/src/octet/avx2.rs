@@ -1,8 +1,5 @@
 //! Octets in an AVX2 register.
-#![expect(
-    unsafe_code,
-    reason = "calls AVX2 intrinsics, after a test that the processor has them"
-)]
+#![expect(unsafe_code, reason = "calls AVX2 intrinsics, after a test that the processor has them")]
 
 use core::arch::x86_64::{
     __m256i, _mm_cvtsi128_si64, _mm_hadd_epi32, _mm_loadu_si128, _mm256_add_epi32,

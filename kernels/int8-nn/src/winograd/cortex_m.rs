@@ -1,8 +1,5 @@
 //! Winograd's inverse transform, from sums of products to pooled outputs, on a Cortex-M4 or M7.
-#![expect(
-    unsafe_code,
-    reason = "LLVM spills registers to the stack: 50 % more instructions"
-)]
+#![expect(unsafe_code, reason = "LLVM spills registers to the stack: 50 % more instructions")]
 
 use core::arch::naked_asm;
 

@@ -40,14 +40,7 @@ fn transform_columns<L: Lanes>([d0, d1, d2, d3, d4, d5]: [L; 6]) -> [L; 6] {
     let (p, q) = (d4 - d2.quadrupled(), d3 - d1.quadrupled());
     let (r, s) = (d4 - d2, d3 - d1);
     let twice = s + s;
-    [
-        d0.quadrupled() - d2 + p,
-        p + q,
-        p - q,
-        r + twice,
-        r - twice,
-        d5 - d3.quadrupled() - q,
-    ]
+    [d0.quadrupled() - d2 + p, p + q, p - q, r + twice, r - twice, d5 - d3.quadrupled() - q]
 }
 
 #[inline(always)]
@@ -60,12 +53,8 @@ fn transform_rows<L: Lanes>([d0, d1, d2, d3]: [L; 4]) -> [L; 4] {
 #[inline(always)]
 pub(super) fn transform_tile<L: Lanes>(tile: [[L; 6]; 4]) -> [[L; 6]; 4] {
     let [a, b, c, d] = tile;
-    let rows = [
-        transform_columns(a),
-        transform_columns(b),
-        transform_columns(c),
-        transform_columns(d),
-    ];
+    let rows =
+        [transform_columns(a), transform_columns(b), transform_columns(c), transform_columns(d)];
     let mut out = rows;
     for x in 0..TRANSFORMED_TILE[1] {
         let column = transform_rows([rows[0][x], rows[1][x], rows[2][x], rows[3][x]]);

@@ -18,9 +18,8 @@ fn read(path: &Path, bytes: usize) -> Vec<[i32; CHANNELS]> {
         text.trim().parse().expect("a number")
     };
     let (header, signals) = (number(184, 8), number(252, 4));
-    let sizes: Vec<usize> = (0..signals)
-        .map(|signal| number(256 + 216 * signals + 8 * signal, 8))
-        .collect();
+    let sizes: Vec<usize> =
+        (0..signals).map(|signal| number(256 + 216 * signals + 8 * signal, 8)).collect();
     let record: usize = sizes.iter().sum();
     let per_signal = sizes[0];
     assert!(sizes[..CHANNELS].iter().all(|size| *size == per_signal));
@@ -69,10 +68,9 @@ fn recordings_come_back_bit_for_bit() {
         return stderr().write_all(note).expect("stderr");
     };
     // Limits a little above the measured 6.97 and 14.43 bits; a count of the first file is 1 uV.
-    for (file, bytes, most) in [
-        ("eegmmidb_S001/S001R04.edf", 2, 7.5),
-        ("bdf_edf/test.bdf", 3, 16.0),
-    ] {
+    for (file, bytes, most) in
+        [("eegmmidb_S001/S001R04.edf", 2, 7.5), ("bdf_edf/test.bdf", 3, 16.0)]
+    {
         let bits = bits_per_count(&read(&Path::new(&folder).join(file), bytes));
         println!("{file}: {bits:.2} bits per count");
         assert!(bits < most, "{file}: {bits}");

@@ -23,20 +23,11 @@ struct Encoded {
 
 impl Encoded {
     fn block(&self) -> Block<'_> {
-        Block {
-            kind: self.kind,
-            samples: self.samples.len(),
-            bytes: &self.bytes,
-        }
+        Block { kind: self.kind, samples: self.samples.len(), bytes: &self.bytes }
     }
 
     fn counts(&self) -> Vec<[u8; 3]> {
-        self.samples
-            .iter()
-            .flatten()
-            .copied()
-            .map(to_bytes)
-            .collect()
+        self.samples.iter().flatten().copied().map(to_bytes).collect()
     }
 }
 
@@ -151,29 +142,18 @@ proptest! {
 
 #[test]
 fn a_block_after_another_past_is_refused_by_its_sum() {
-    let ramp = |start: i32| {
-        (0..16)
-            .map(|t| [start + 40 * t; CHANNELS])
-            .collect::<Vec<_>>()
-    };
+    let ramp = |start: i32| (0..16).map(|t| [start + 40 * t; CHANNELS]).collect::<Vec<_>>();
     let [here, there] = [0, 1_001].map(|start| encode(&[ramp(start)]));
     let mut decoder = Decoder::NEW;
     assert_eq!(decode(&mut decoder, &here[0]), Ok(()));
-    assert_eq!(
-        decoder.decode(CHANNELS, &there[1].block()),
-        Err(DecodeError::Sum)
-    );
+    assert_eq!(decoder.decode(CHANNELS, &there[1].block()), Err(DecodeError::Sum));
 }
 
 #[test]
 fn full_scale_noise_takes_its_own_bytes_and_silence_a_bit_for_each_count() {
     let noise = encode(&[Shape::Noise(24).rows(7, 80)]);
     assert!(noise.iter().all(|block| block.kind == Kind::Verbatim));
-    assert!(
-        noise
-            .iter()
-            .all(|block| block.bytes.len() == 3 * CHANNELS * MAX_SAMPLES)
-    );
+    assert!(noise.iter().all(|block| block.bytes.len() == 3 * CHANNELS * MAX_SAMPLES));
     let silence = encode(&[Shape::Noise(0).rows(7, 80)]);
     assert_eq!(silence[0].kind, Kind::Key);
     for block in &silence[1..] {
@@ -218,11 +198,8 @@ fn encode_in_python(stretches: &[Vec<Row>], key_blocks: u16) -> Option<Vec<(u8, 
         }
     }
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/reference.py");
-    let child = Command::new("python3")
-        .arg(script)
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn();
+    let child =
+        Command::new("python3").arg(script).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn();
     let Ok(mut child) = child else {
         let note = b"SKIPPED: the format in Python: there is no python3\n";
         stderr().write_all(note).expect("stderr");

@@ -28,10 +28,7 @@ pub(super) struct Contacts {
 
 impl Contacts {
     /// Contacts without impedance.
-    pub(super) const IDEAL: Self = Self {
-        off: 0,
-        ohms: [0.0; CHANNELS],
-    };
+    pub(super) const IDEAL: Self = Self { off: 0, ohms: [0.0; CHANNELS] };
 }
 
 /// End of a conversion, and the sample rate.
@@ -129,11 +126,7 @@ fn test_signal(chip: &Chip, conversion: Conversion) -> f64 {
     let since = (conversion.cycles % half) as f64 / f64::from(conversion.rate.divider());
     let up = (conversion.cycles / half).is_multiple_of(2);
     let swing = 2.0 * step_response(since) - 1.0;
-    if up {
-        amplitude * swing
-    } else {
-        -amplitude * swing
-    }
+    if up { amplitude * swing } else { -amplitude * swing }
 }
 
 /// Returns the excitation after the third-order sinc filter, as a fraction of its magnitude; `None`

@@ -174,9 +174,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
             }
             (_, opcode::RESET) => {
                 let ready_ns = self.nanoseconds(u64::from(POWER_ON));
-                let in_time = self
-                    .powered_ns
-                    .is_some_and(|on| self.now_ns >= on + ready_ns);
+                let in_time = self.powered_ns.is_some_and(|on| self.now_ns >= on + ready_ns);
                 self.violations += u32::from(!in_time);
                 let awake_ns = self.now_ns + self.nanoseconds(u64::from(AFTER_RESET));
                 self.chips[index].reset(awake_ns);
@@ -239,10 +237,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
                 Received::Nothing => {}
                 Received::Violation => self.violations += 1,
                 Received::Opcode(opcode) => {
-                    self.note(Event::Command {
-                        chip: index,
-                        opcode,
-                    });
+                    self.note(Event::Command { chip: index, opcode });
                     self.execute(index, opcode);
                 }
             }
@@ -336,11 +331,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
 
     /// Ends a conversion: stores new frames in all chips and sets DRDY low.
     fn convert(&mut self, cycles: u64) {
-        let conversion = Conversion {
-            now_ns: self.now_ns,
-            cycles,
-            rate: self.rate(),
-        };
+        let conversion = Conversion { now_ns: self.now_ns, cycles, rate: self.rate() };
         let electrodes = self.deliver();
         for (index, chip) in self.chips.iter_mut().enumerate() {
             chip.set_lead_off(self.contacts[index].off);
@@ -392,10 +383,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
     }
 
     fn moment(&self) -> Moment {
-        Moment {
-            now_ns: self.now_ns,
-            decode_ns: self.decode_ns,
-        }
+        Moment { now_ns: self.now_ns, decode_ns: self.decode_ns }
     }
 
     /// Returns the current time in clock cycles, rounded up.
@@ -412,9 +400,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
     /// Switches the chips on: they accept SDATAC and RESET once the power-on time has passed.
     fn wake_chips(&mut self) {
         let awake_ns = self.now_ns + self.nanoseconds(u64::from(POWER_ON));
-        self.chips
-            .iter_mut()
-            .for_each(|chip| chip.power_on(awake_ns));
+        self.chips.iter_mut().for_each(|chip| chip.power_on(awake_ns));
     }
 
     fn note(&mut self, event: Event) {

@@ -195,11 +195,7 @@ impl Chip {
             return Received::Nothing;
         }
         if moment.now_ns < self.awake_ns {
-            return if byte == 0 {
-                Received::Nothing
-            } else {
-                Received::Violation
-            };
+            return if byte == 0 { Received::Nothing } else { Received::Violation };
         }
         let too_early = moment.now_ns < self.last_ns + moment.decode_ns;
         self.last_ns = moment.now_ns;
@@ -215,11 +211,8 @@ impl Chip {
             State::Opcode => return self.decode_opcode(byte),
             State::Count { write, first } => {
                 let (at, left) = (first, (byte & 0x1F) + 1);
-                self.state = if write {
-                    State::Write { at, left }
-                } else {
-                    State::Read { at, left }
-                };
+                self.state =
+                    if write { State::Write { at, left } } else { State::Read { at, left } };
             }
             State::Read { at, left } => {
                 let (at, left) = (at + 1, left - 1);
@@ -298,9 +291,7 @@ impl Burst {
         let mut place = 0;
         let mut was_late = false;
         // A chip that is dead or not selected blocks the chips after it.
-        let chips = chips
-            .iter()
-            .take_while(|chip| chip.selected && !chip.is_dead());
+        let chips = chips.iter().take_while(|chip| chip.selected && !chip.is_dead());
         for (index, chip) in chips.enumerate() {
             if chip.fault == Some(Fault::ShiftedBit) && !was_late {
                 was_late = true;

@@ -41,11 +41,8 @@ impl Miso {
         (0..8).rev().fold(0, |read, bit| {
             let is_high = byte >> bit & 1 == 1;
             self.settle(is_high, ohms, others, half_period);
-            let is_right = if is_high {
-                self.volts >= HIGH * DVDD
-            } else {
-                self.volts <= LOW * DVDD
-            };
+            let is_right =
+                if is_high { self.volts >= HIGH * DVDD } else { self.volts <= LOW * DVDD };
             self.settle(is_high, ohms, others, half_period);
             read << 1 | u8::from(is_high == is_right)
         })

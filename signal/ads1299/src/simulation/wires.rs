@@ -133,13 +133,8 @@ impl<const CHIPS: usize> Drdy for SimulatedReady<CHIPS> {
 
     async fn next_until(&mut self, us: u64) -> Option<DrdyEdge> {
         let mut board = self.0.lock();
-        let edge_ns = board
-            .advance_to_edge_until(us * 1000)
-            .then(|| board.now_ns)?;
-        Some(DrdyEdge {
-            us: edge_ns / 1000,
-            missed: 0,
-        })
+        let edge_ns = board.advance_to_edge_until(us * 1000).then(|| board.now_ns)?;
+        Some(DrdyEdge { us: edge_ns / 1000, missed: 0 })
     }
 
     async fn wait_until(&mut self, us: u64) {

@@ -15,9 +15,7 @@ fn encode<const CHIPS: usize, const BYTES: usize>(
 ) -> [u8; BYTES] {
     let mut bits = Vec::new();
     for chip in counts {
-        let words = [status]
-            .into_iter()
-            .chain(chip.iter().map(|c| c.cast_unsigned()));
+        let words = [status].into_iter().chain(chip.iter().map(|c| c.cast_unsigned()));
         for word in words {
             bits.extend((0..24).rev().map(|bit| word >> bit & 1 != 0));
         }
@@ -134,10 +132,7 @@ fn a_dead_chip_is_named_and_the_others_are_decoded_even_in_the_first_frame() {
             let status = decoder.decode(&frame, &mut decoded);
             assert_eq!(status.bad, 1 << dead, "{alignment:?}");
             for chip in (0..8).filter(|chip| *chip != dead) {
-                assert_eq!(
-                    decoded[chip], counts[chip],
-                    "{alignment:?} {chip} beside {dead}"
-                );
+                assert_eq!(decoded[chip], counts[chip], "{alignment:?} {chip} beside {dead}");
             }
         }
     }

@@ -41,24 +41,13 @@ fn wrong_rate(options: Options, fault: Option<Fault>) -> String {
 
 #[test]
 fn a_wrong_rate_is_stated_with_its_likely_cause() {
-    let slow = Options {
-        clock_hz: 2_048_000,
-        ..Options::default()
-    };
+    let slow = Options { clock_hz: 2_048_000, ..Options::default() };
     // 63 periods of 1024 Hz, rounded to whole microseconds, measure as 1023.990 or 1024.007 Hz. The
     // test compares the digits that both have in common.
     let doubled = (Options::default(), Some(Fault::DoubleRate));
     for ((options, fault), hz, cause) in [
-        (
-            doubled,
-            "102",
-            " Hz, and 512.000 Hz is set, 2 times as fast: ",
-        ),
-        (
-            (slow, None),
-            "500.0",
-            " Hz, and 512.000 Hz is set: the clock",
-        ),
+        (doubled, "102", " Hz, and 512.000 Hz is set, 2 times as fast: "),
+        ((slow, None), "500.0", " Hz, and 512.000 Hz is set: the clock"),
     ] {
         let text = wrong_rate(options, fault);
         let begin = format!("DRDY of ADS1299 0 comes at {hz}");

@@ -15,9 +15,8 @@ use crate::sampler::Sampler;
 use crate::settings::{Gain, Rate, Settings, Wiring};
 use crate::simulation::{Deliver, Electrodes, Fault, Options, Simulation, finish};
 
-const OHMS: [f64; CHANNELS] = [
-    1_000.0, 2_000.0, 5_000.0, 10_000.0, 20_000.0, 50_000.0, 100_000.0, 500_000.0,
-];
+const OHMS: [f64; CHANNELS] =
+    [1_000.0, 2_000.0, 5_000.0, 10_000.0, 20_000.0, 50_000.0, 100_000.0, 500_000.0];
 
 /// Number of channels of one chip.
 const ALL: u8 = 8;
@@ -35,10 +34,8 @@ fn sampled_amplitude(phase: f64) -> f64 {
     };
     let mut signal: Vec<f64> = (0..16 * FINE).map(square).collect();
     for _ in 0..3 {
-        signal = signal
-            .windows(FINE)
-            .map(|window| window.iter().sum::<f64>() / FINE as f64)
-            .collect();
+        signal =
+            signal.windows(FINE).map(|window| window.iter().sum::<f64>() / FINE as f64).collect();
     }
     let x: Vec<f64> = signal.into_iter().step_by(FINE).take(4).collect();
     f64::hypot((x[0] - x[2]) / 2.0, (x[1] - x[3]) / 2.0)
@@ -50,9 +47,8 @@ fn the_fundamental_of_the_sampled_square_wave_is_within_one_and_a_half_percent_a
     // (sin(pi k / 4) / (pi k / 4))^3, and the fundamental is k = 1.
     let harmonic = |k: f64| 4.0 / (PI * k) * ((PI * k / 4.0).sin() / (PI * k / 4.0)).powi(3);
     assert!((harmonic(1.0) / FUNDAMENTAL - 1.0).abs() < 1e-12);
-    let amplitudes: Vec<f64> = (0..64)
-        .map(|n| sampled_amplitude(f64::from(n) / 16.0) / FUNDAMENTAL)
-        .collect();
+    let amplitudes: Vec<f64> =
+        (0..64).map(|n| sampled_amplitude(f64::from(n) / 16.0) / FUNDAMENTAL).collect();
     let mean = amplitudes.iter().sum::<f64>() / amplitudes.len() as f64;
     let [least, most] = [f64::min, f64::max].map(|of| amplitudes.iter().copied().reduce(of));
     // Measured: 0.9866 to 1.0147, mean 1.00004.
@@ -97,10 +93,7 @@ fn excited(
 ) -> (Bench<1, { frame_bytes(1) }>, Meter) {
     let (clock, rate) = Rate::of_hz(hz).expect("a rate");
     let settings = Settings::eeg(clock, rate, gain);
-    let options = Options {
-        clock_hz: clock.hz(),
-        ..Options::default()
-    };
+    let options = Options { clock_hz: clock.hz(), ..Options::default() };
     let mut bench = Bench::new(options, Electrodes::Volts(deliver), settings);
     for (channel, ohms) in OHMS.into_iter().enumerate() {
         bench.simulation.set_impedance(0, channel, ohms);
@@ -134,11 +127,7 @@ fn known_impedances_are_measured_within_5_percent_under_eeg_and_mains() {
                 let found = measure(&mut bench, &mut meter);
                 for ((worst, found), ohms) in worst.iter_mut().zip(found).zip(OHMS) {
                     let error = f64::from(found) / ohms - 1.0;
-                    *worst = if error.abs() > worst.abs() {
-                        error
-                    } else {
-                        *worst
-                    };
+                    *worst = if error.abs() > worst.abs() { error } else { *worst };
                 }
             }
         }
@@ -211,14 +200,8 @@ fn switch_and_lose_none(wiring: Wiring, channels: u8) {
     let counts = |sample: u64, counts: &mut [[i32; CHANNELS]; CHIPS]| {
         *counts = [[i32::try_from(sample).unwrap(); CHANNELS]; CHIPS];
     };
-    let options = Options {
-        wiring,
-        ..Options::default()
-    };
-    let settings = Settings {
-        wiring,
-        ..Settings::EEG
-    };
+    let options = Options { wiring, ..Options::default() };
+    let settings = Settings { wiring, ..Settings::EEG };
     let simulation = Simulation::<CHIPS>::new(options, Electrodes::counts(counts));
     for chip in 0..CHIPS {
         simulation.set_impedance(chip, 2, 20_000.0);
@@ -229,21 +212,14 @@ fn switch_and_lose_none(wiring: Wiring, channels: u8) {
     let mut drdy = simulation.drdy();
     finish(chain.start(true, &mut drdy)).unwrap();
     for sample in 0..400 {
-        let wanted = if (100..300).contains(&sample) {
-            channels
-        } else {
-            0
-        };
+        let wanted = if (100..300).contains(&sample) { channels } else { 0 };
         let before_us = drdy.now_us();
         finish(chain.switch_excitation(wanted, &mut drdy)).unwrap();
         let took_us = drdy.now_us() - before_us;
         assert!(took_us < 1_000, "{took_us}");
         assert_eq!(chain.sampler().settings().excited, wanted);
         let (reading, _) = finish(chain.next(&mut drdy)).unwrap();
-        assert!(
-            reading.is_sound() && reading.missed == 0,
-            "{sample}: {reading:?}"
-        );
+        assert!(reading.is_sound() && reading.missed == 0, "{sample}: {reading:?}");
         let counts = chain.sampler().counts();
         assert_eq!([counts[0][0], counts[7][7]], [sample; 2]);
         let is_excited = [0, 7].map(|chip| (counts[chip][2] - sample).abs() > 100);
@@ -273,9 +249,7 @@ fn a_chip_that_ignores_the_command_shows_electrodes_without_impedance() {
     for chip in 0..2 {
         bench.simulation.set_impedance(chip, 1, 5_000.0);
     }
-    bench
-        .simulation
-        .inject(1, Fault::Forgets(Register::LOFF_SENSP));
+    bench.simulation.inject(1, Fault::Forgets(Register::LOFF_SENSP));
     run(bench.sampler.set_excitation(16));
     let mut meter = ImpedanceMeter::<16>::new(Settings::EEG);
     let found = loop {

@@ -34,11 +34,7 @@ impl Bench {
         let mut chain = RetryingSampler::new(sampler, RETRY_US);
         let mut drdy = simulation.drdy();
         finish(chain.start(true, &mut drdy)).unwrap();
-        Self {
-            simulation,
-            chain,
-            drdy,
-        }
+        Self { simulation, chain, drdy }
     }
 
     /// Returns the readings until `us` with their time stamps, and asserts that each reading comes
@@ -78,10 +74,7 @@ fn assert_rhythm(found: &[(Reading<CHIPS>, u64)]) {
         // Where real samples follow flagged ones, the interval may differ from the period, by less
         // than one period.
         let interval = after - before;
-        assert!(
-            (1..2 * PERIOD_US).contains(&interval),
-            "{interval} us at {after}"
-        );
+        assert!((1..2 * PERIOD_US).contains(&interval), "{interval} us at {after}");
     }
 }
 

@@ -13,14 +13,8 @@ type Chain = Bench<CHIPS, { frame_bytes(CHIPS) }>;
 
 /// Creates a chain that has not been brought up, with lead-off detection.
 fn stopped(alignment: Alignment, electrodes: Electrodes<CHIPS>) -> Chain {
-    let options = Options {
-        alignment,
-        ..Options::default()
-    };
-    let settings = Settings {
-        lead_off: true,
-        ..Settings::EEG
-    };
+    let options = Options { alignment, ..Options::default() };
+    let settings = Settings { lead_off: true, ..Settings::EEG };
     Bench::new(options, electrodes, settings)
 }
 
@@ -44,10 +38,7 @@ fn running(alignment: Alignment) -> Chain {
     for sample in 0..20 {
         let reading = bench.next();
         assert!(reading.is_sound() && reading.missed == 0, "{reading:?}");
-        assert_eq!(
-            bench.sampler.counts().map(|chip| number(&chip)),
-            [sample; 8]
-        );
+        assert_eq!(bench.sampler.counts().map(|chip| number(&chip)), [sample; 8]);
     }
     bench
 }
@@ -115,18 +106,12 @@ fn a_missed_edge_counts_as_a_missed_sample() {
     assert!(reading.is_sound());
     assert_eq!(reading.missed, 1);
     assert_eq!(number(&bench.sampler.counts()[5]), 21);
-    assert_eq!(
-        (bench.next().missed, bench.sampler.counters().missed),
-        (0, 1)
-    );
+    assert_eq!((bench.next().missed, bench.sampler.counters().missed), (0, 1));
 }
 
 #[test]
 fn the_rate_of_another_oscillator_is_measured_and_flags_no_sample() {
-    let options = Options {
-        clock_hz: 2_048_000,
-        ..Options::default()
-    };
+    let options = Options { clock_hz: 2_048_000, ..Options::default() };
     let mut bench = Bench::<1, { frame_bytes(1) }>::silent(options);
     assert!((0..200).all(|_| bench.next().is_sound()));
     let measured = bench.sampler.millihertz().expect("three judgements");
@@ -150,10 +135,7 @@ fn a_chain_without_drdy_is_silent_and_all_of_its_chips_are_bad() {
 
 #[test]
 fn counts_of_an_unfit_chip_are_never_used_and_those_of_others_are() {
-    for (chip, fault) in [
-        (2, Fault::WrongId(0x92)),
-        (5, Fault::Forgets(Register::CH1SET)),
-    ] {
+    for (chip, fault) in [(2, Fault::WrongId(0x92)), (5, Fault::Forgets(Register::CH1SET))] {
         let mut bench = stopped(Alignment::Spaced, numbered());
         bench.simulation.inject(chip, fault);
         let error = bench.start().expect_err("a broken chip");
@@ -201,13 +183,9 @@ fn channels_at_a_rail_or_at_zero_do_not_count_as_frozen() {
         })
     };
     for value in [0, (1 << 23) - 1, -(1 << 23)] {
-        for (alive, flagged_at) in [
-            (0, None),
-            (1, Some(5)),
-            (3, Some(2)),
-            (5, Some(1)),
-            (8, Some(1)),
-        ] {
+        for (alive, flagged_at) in
+            [(0, None), (1, Some(5)), (3, Some(2)), (5, Some(1)), (8, Some(1))]
+        {
             let mut bench = stopped(Alignment::Spaced, constant(value, alive));
             bench.start().unwrap();
             let found = (0..20).position(|_| bench.next().bad == 1 << 4);

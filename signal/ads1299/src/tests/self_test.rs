@@ -15,10 +15,7 @@ const CHIPS: usize = 2;
 
 /// Streams samples with these settings, and passes each channel and its count to `judge`.
 fn stream(settings: Settings, samples: u32, mut judge: impl FnMut(usize, i32)) {
-    let options = Options {
-        clock_hz: settings.clock.hz(),
-        ..Options::default()
-    };
+    let options = Options { clock_hz: settings.clock.hz(), ..Options::default() };
     let mut bench =
         Bench::<CHIPS, { frame_bytes(CHIPS) }>::new(options, Electrodes::silent(), settings);
     bench.start().unwrap();
@@ -32,10 +29,7 @@ fn stream(settings: Settings, samples: u32, mut judge: impl FnMut(usize, i32)) {
 }
 
 fn at(gain: Gain, rate: Rate, input: Input) -> Settings {
-    Settings {
-        input,
-        ..Settings::eeg(Clock::EEG, rate, gain)
-    }
+    Settings { input, ..Settings::eeg(Clock::EEG, rate, gain) }
 }
 
 #[test]
@@ -50,10 +44,7 @@ fn the_test_signal_is_measured_within_one_percent_at_every_gain() {
             for test in &tests {
                 let result = test.result();
                 // At gain 1 the noise, averaged over 500 samples, is 3e-5 of the amplitude.
-                assert!(
-                    result.gain_error.abs() < 1e-4,
-                    "{gain:?} {rate:?} {result:?}"
-                );
+                assert!(result.gain_error.abs() < 1e-4, "{gain:?} {rate:?} {result:?}");
                 let typical = typical_noise_uv(gain, rate);
                 assert!((result.noise_uv / typical - 1.0).abs() < 0.1, "{result:?}");
                 assert_eq!(result.check(gain, rate), Ok(()));
@@ -71,10 +62,7 @@ fn shorted_inputs_have_the_data_sheets_noise() {
         stream(settings, 500, |_, count| test.add_sample(count));
         let result = test.result();
         let typical = typical_noise_uv(Gain::X24, rate);
-        assert!(
-            (result.noise_uv / typical - 1.0).abs() < 0.05,
-            "{rate:?} {result:?}"
-        );
+        assert!((result.noise_uv / typical - 1.0).abs() < 0.05, "{rate:?} {result:?}");
         assert!(result.offset_uv.abs() < typical, "{result:?}");
         assert_eq!(result.check(Gain::X24, rate), Ok(()));
     }
@@ -104,10 +92,7 @@ fn each_limit_can_be_exceeded_and_is_named() {
     assert_eq!(judged(83_886, 0, 9), Ok(()));
     assert_eq!(judged(83_886, 5000, 9), Ok(()));
     let low = judged(80_000, 0, 9).expect_err("4.6 % too low").to_string();
-    assert!(
-        low.starts_with("gain off by -4.63 %, 3.0 % allowed"),
-        "{low}"
-    );
+    assert!(low.starts_with("gain off by -4.63 %, 3.0 % allowed"), "{low}");
     let offset = judged(83_886, -20_000, 9).expect_err("447 uV");
     assert!(
         matches!(offset, SelfTestFault::Offset { measured, .. } if (measured + 447.0).abs() < 1.0)
@@ -117,10 +102,7 @@ fn each_limit_can_be_exceeded_and_is_named() {
     let silent = judged(83_886, 0, 0).expect_err("nothing at all");
     assert!(matches!(silent, SelfTestFault::Silent { .. }), "{silent}");
     let dead = judged(0, 0, 0).expect_err("no square wave");
-    assert!(
-        matches!(dead, SelfTestFault::Gain { measured, .. } if measured <= -1.0),
-        "{dead}"
-    );
+    assert!(matches!(dead, SelfTestFault::Gain { measured, .. } if measured <= -1.0), "{dead}");
 }
 
 #[test]
@@ -128,11 +110,7 @@ fn long_streams_at_the_rails_do_not_overflow() {
     let mut test = SquareWaveTest::new(Gain::X1);
     let mut shorted = ShortedTest::new(Gain::X1);
     for n in 0..300_000 {
-        let count = if n / 1000 % 2 == 0 {
-            (1 << 23) - 1
-        } else {
-            -(1 << 23)
-        };
+        let count = if n / 1000 % 2 == 0 { (1 << 23) - 1 } else { -(1 << 23) };
         test.add_sample(count);
         shorted.add_sample(count);
     }

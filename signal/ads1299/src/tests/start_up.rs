@@ -65,20 +65,14 @@ fn every_register_is_read_back() {
     run(chain.reset(Settings::EEG, &mut || ()));
     let mut set_up = |settings| run(chain.set_up(settings, &mut || ()));
     for input in [Input::Electrodes, Input::Shorted, Input::TestSignal] {
-        let settings = Settings {
-            input,
-            ..Settings::EEG
-        };
+        let settings = Settings { input, ..Settings::EEG };
         for (chip, back) in set_up(settings).iter().enumerate() {
             assert_eq!(back.read, settings.image(chip));
             assert_eq!((back.differing, back.id_fits), (0, true));
         }
     }
     simulation.inject(1, Fault::Forgets(Register::CONFIG4));
-    let settings = Settings {
-        lead_off: true,
-        ..Settings::EEG
-    };
+    let settings = Settings { lead_off: true, ..Settings::EEG };
     let differing = set_up(settings).map(|chip| chip.first_differing());
     assert_eq!(differing, [None, Some(Register::CONFIG4), None]);
     assert_eq!(simulation.violations(), 0);
@@ -106,17 +100,13 @@ fn a_wrong_id_names_the_chip_and_what_it_may_be() {
 #[test]
 fn a_chip_without_answer_is_named_with_its_likely_cause() {
     // Without read-back, only chip 0 drives MISO.
-    let without_read_back = Options {
-        read_back_ohms: None,
-        ..Options::default()
-    };
+    let without_read_back = Options { read_back_ohms: None, ..Options::default() };
     let dead = error_with(6, Fault::Dead);
     let mut bench = stopped::<4, { frame_bytes(4) }>(without_read_back);
     let unread = bench.start().expect_err("only chip 0 can be read");
-    for (error, chip, read, cause) in [
-        (dead, 6, 0, "all zeros"),
-        (unread, 1, 0xFF, "nothing drives MISO"),
-    ] {
+    for (error, chip, read, cause) in
+        [(dead, 6, 0, "all zeros"), (unread, 1, 0xFF, "nothing drives MISO")]
+    {
         assert_eq!(error, Error::WrongId { chip, read });
         assert!(error.to_string().contains(cause), "{error}");
     }
@@ -125,26 +115,15 @@ fn a_chip_without_answer_is_named_with_its_likely_cause() {
 #[test]
 fn a_register_that_ignores_writes_is_named() {
     let error = error_with(3, Fault::Forgets(Register::CONFIG1));
-    let expected = Error::NotKept {
-        chip: 3,
-        register: Register::CONFIG1,
-        wrote: 0x95,
-        read: 0x96,
-    };
+    let expected = Error::NotKept { chip: 3, register: Register::CONFIG1, wrote: 0x95, read: 0x96 };
     assert_eq!(error, expected);
     let text = error.to_string();
-    assert!(
-        text.starts_with("CONFIG1 of ADS1299 3 holds 0x96, and 0x95 was written: "),
-        "{text}"
-    );
+    assert!(text.starts_with("CONFIG1 of ADS1299 3 holds 0x96, and 0x95 was written: "), "{text}");
 }
 
 #[test]
 fn commands_at_too_slow_a_master_clock_are_violations() {
-    let options = Options {
-        clock_hz: 1_000_000,
-        ..Options::default()
-    };
+    let options = Options { clock_hz: 1_000_000, ..Options::default() };
     let mut bench = stopped::<2, { frame_bytes(2) }>(options);
     assert!(bench.start().is_err());
     assert!(bench.simulation.violations() > 0);
@@ -153,17 +132,11 @@ fn commands_at_too_slow_a_master_clock_are_violations() {
 #[test]
 fn any_sclk_and_any_number_of_chips_work() {
     for sclk_hz in [100_000, 4_000_000, 20_000_000] {
-        let options = Options {
-            register_hz: sclk_hz,
-            burst_hz: sclk_hz,
-            ..Options::default()
-        };
+        let options = Options { register_hz: sclk_hz, burst_hz: sclk_hz, ..Options::default() };
         let one = Bench::<1, { frame_bytes(1) }>::silent(options);
         // Read-back limits SCLK for the registers of a daisy chain.
-        let five = Bench::<5, { frame_bytes(5) }>::silent(Options {
-            register_hz: 100_000,
-            ..options
-        });
+        let five =
+            Bench::<5, { frame_bytes(5) }>::silent(Options { register_hz: 100_000, ..options });
         assert_eq!(one.simulation.violations(), 0);
         assert_eq!(five.simulation.violations(), 0);
     }

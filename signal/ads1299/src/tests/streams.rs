@@ -20,10 +20,7 @@ fn unlike<const CHIPS: usize>(sample: u64, counts: &mut [[i32; CHANNELS]; CHIPS]
 #[test]
 fn every_sample_arrives_once_and_unchanged_on_either_kind_of_board() {
     for alignment in [Alignment::Packed, Alignment::Spaced] {
-        let options = Options {
-            alignment,
-            ..Options::default()
-        };
+        let options = Options { alignment, ..Options::default() };
         let mut bench =
             Bench::<8, { frame_bytes(8) }>::new(options, Electrodes::counts(unlike), Settings::EEG);
         bench.start().unwrap();
@@ -49,10 +46,7 @@ fn every_sample_arrives_once_and_unchanged_on_either_kind_of_board() {
 fn every_rate_and_gain_takes_effect() {
     for rate in Rate::ALL {
         for gain in Gain::ALL {
-            let options = Options {
-                burst_hz: 20_000_000,
-                ..Options::default()
-            };
+            let options = Options { burst_hz: 20_000_000, ..Options::default() };
             // 10 mV is below the rail at every gain, and far above the noise.
             let electrodes = Electrodes::volts(|_, volts| *volts = [[0.01; CHANNELS]]);
             let clock = Clock::EEG;

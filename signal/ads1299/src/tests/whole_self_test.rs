@@ -67,16 +67,10 @@ fn a_working_chain_passes_with_figures_and_keeps_streaming() {
     for channel in report.channels.as_flattened() {
         // Tolerance: averaged over 1000 samples, the noise is below 1e-5 of the amplitude. The
         // typical noise is 0.21 uV rms.
-        assert!(
-            channel.gain_error.abs() < 1e-4 && channel.gain_error != 0.0,
-            "{channel:?}"
-        );
+        assert!(channel.gain_error.abs() < 1e-4 && channel.gain_error != 0.0, "{channel:?}");
         assert!(channel.offset_uv.abs() < 0.1, "{channel:?}");
         assert!((channel.noise_uv - 0.21).abs() < 0.02, "{channel:?}");
-        assert!(
-            (channel.shorted_noise_uv - 0.21).abs() < 0.02,
-            "{channel:?}"
-        );
+        assert!((channel.shorted_noise_uv - 0.21).abs() < 0.02, "{channel:?}");
     }
     assert!(bench.sampler.is_running());
     bench.simulation.pass_us(20_000);
@@ -110,15 +104,9 @@ fn without_drdy_the_test_stops_and_names_chip_0() {
     let (report, finding) = finding((0, Fault::Dead));
     assert_eq!(finding.chip(), Some(0));
     let stopped = report.stopped.expect("no DRDY");
-    assert!(
-        matches!(stopped, Error::NeverReady { chip: 0, .. }),
-        "{stopped}"
-    );
+    assert!(matches!(stopped, Error::NeverReady { chip: 0, .. }), "{stopped}");
     let text = stopped.to_string();
-    assert!(
-        text.starts_with("ADS1299 0 made no sample in 15630 us after START"),
-        "{text}"
-    );
+    assert!(text.starts_with("ADS1299 0 made no sample in 15630 us after START"), "{text}");
     assert_eq!(report.ready.measured, 0);
     assert_eq!(report.ready.fault, Some(RateError::NotMeasured { chip: 0 }));
 }
@@ -126,13 +114,7 @@ fn without_drdy_the_test_stops_and_names_chip_0() {
 #[test]
 fn a_wrong_id_is_named_and_the_chip_is_still_measured() {
     let (report, finding) = finding((2, Fault::WrongId(0x92)));
-    assert_eq!(
-        finding,
-        Finding::Chain(Error::WrongId {
-            chip: 2,
-            read: 0x92
-        })
-    );
+    assert_eq!(finding, Finding::Chain(Error::WrongId { chip: 2, read: 0x92 }));
     assert_eq!(report.chips.map(|chip| chip.id), [ID, ID, 0x92]);
     assert_eq!([0, 1, 2].map(|chip| faulty(&report, chip)), [0; CHIPS]);
 }
@@ -141,28 +123,18 @@ fn a_wrong_id_is_named_and_the_chip_is_still_measured() {
 fn a_register_that_ignores_writes_is_named_with_its_chip_and_affects_its_channel() {
     let (report, finding) = finding((1, Fault::Forgets(Register::CH1SET)));
     let text = finding.to_string();
-    assert!(
-        text.starts_with("CH1SET of ADS1299 1 holds 0x61, and 0x65 was written"),
-        "{text}"
-    );
-    let differing = report
-        .chips
-        .map(|chip| (chip.differing, chip.first_differing()));
-    assert_eq!(
-        differing,
-        [(0, None), (1, Some(Register::CH1SET)), (0, None)]
-    );
+    assert!(text.starts_with("CH1SET of ADS1299 1 holds 0x61, and 0x65 was written"), "{text}");
+    let differing = report.chips.map(|chip| (chip.differing, chip.first_differing()));
+    assert_eq!(differing, [(0, None), (1, Some(Register::CH1SET)), (0, None)]);
     let gain = report.channels[1][0].gain_error;
     assert!(gain < -0.99, "{gain}");
 }
 
 #[test]
 fn frozen_shifted_and_wrong_frames_are_counted_and_not_measured() {
-    for (fault, behind) in [
-        (Fault::StuckData, 0),
-        (Fault::ShiftedBit, 2040),
-        (Fault::WrongNibble(9), 0),
-    ] {
+    for (fault, behind) in
+        [(Fault::StuckData, 0), (Fault::ShiftedBit, 2040), (Fault::WrongNibble(9), 0)]
+    {
         let (report, finding) = finding((1, fault));
         let Finding::Frames { chip: 1, bad } = finding else {
             panic!("{fault:?}: {finding}");
@@ -179,15 +151,8 @@ fn frozen_shifted_and_wrong_frames_are_counted_and_not_measured() {
 #[test]
 fn a_doubled_rate_and_a_missing_edge_are_measured_at_chip_0() {
     let (report, doubled) = finding((0, Fault::DoubleRate));
-    assert!(
-        matches!(doubled, Finding::Rate(RateError::Off { chip: 0, .. })),
-        "{doubled}"
-    );
-    assert!(
-        report.ready.measured.abs_diff(1_024_000) < 20,
-        "{:?}",
-        report.ready
-    );
+    assert!(matches!(doubled, Finding::Rate(RateError::Off { chip: 0, .. })), "{doubled}");
+    assert!(report.ready.measured.abs_diff(1_024_000) < 20, "{:?}", report.ready);
     // The chip omits only the first edge after START. The first edge that the test sees is then
     // late, which the test cannot detect.
     let (_, report, _) = tested(Options::default(), Some((0, Fault::MissedReady)));
@@ -201,18 +166,10 @@ fn a_doubled_rate_and_a_missing_edge_are_measured_at_chip_0() {
             bench.simulation.inject(0, Fault::MissedReady);
         }
     };
-    finish(
-        bench
-            .sampler
-            .self_test(&mut test, &mut bench.drdy, progress),
-    )
-    .unwrap();
+    finish(bench.sampler.self_test(&mut test, &mut bench.drdy, progress)).unwrap();
     let report = test.report();
     let missing = report.check().expect_err("a missing edge");
-    assert!(
-        matches!(missing, Finding::Rate(RateError::Off { missed: 1, .. })),
-        "{missing}"
-    );
+    assert!(matches!(missing, Finding::Rate(RateError::Off { missed: 1, .. })), "{missing}");
     assert_eq!((report.ready.missed, report.ready.early), (1, 0));
 }
 

@@ -11,10 +11,7 @@ const BYTES: usize = frame_bytes(4);
 
 /// Creates a chain of four chips with different counts on all channels.
 fn bench(wired: Wiring, settings: Settings) -> Bench<4, BYTES> {
-    let options = Options {
-        wiring: wired,
-        ..Options::default()
-    };
+    let options = Options { wiring: wired, ..Options::default() };
     Bench::new(options, Electrodes::counts(unlike), settings)
 }
 
@@ -24,10 +21,7 @@ fn unlike(sample: u64, counts: &mut [[i32; CHANNELS]; 4]) {
     }
 }
 
-const CASCADED: Settings = Settings {
-    wiring: Wiring::Cascaded,
-    ..Settings::EEG
-};
+const CASCADED: Settings = Settings { wiring: Wiring::Cascaded, ..Settings::EEG };
 
 #[test]
 fn cascaded_chips_are_read_one_by_one_without_contention() {
@@ -56,10 +50,7 @@ fn selecting_cascaded_chips_together_is_contention() {
 #[test]
 fn read_back_resistors_that_are_too_large_are_reported_as_unfit_chips() {
     let start = |ohms| {
-        let options = Options {
-            read_back_ohms: Some(ohms),
-            ..Options::default()
-        };
+        let options = Options { read_back_ohms: Some(ohms), ..Options::default() };
         Bench::<8, { frame_bytes(8) }>::new(options, Electrodes::silent(), Settings::EEG).start()
     };
     assert_eq!(start(22_000), Ok(()));
@@ -69,10 +60,7 @@ fn read_back_resistors_that_are_too_large_are_reported_as_unfit_chips() {
 
 #[test]
 fn a_chain_is_reset_started_and_stopped_by_opcodes() {
-    let settings = Settings {
-        control: Control::Commands,
-        ..Settings::EEG
-    };
+    let settings = Settings { control: Control::Commands, ..Settings::EEG };
     let mut bench = bench(Wiring::Daisy, settings);
     bench.start().unwrap();
     assert!(bench.next().is_sound());
@@ -83,10 +71,7 @@ fn a_chain_is_reset_started_and_stopped_by_opcodes() {
     assert!(bench.next().is_sound());
     let mut read = crate::image::Image([0; Register::COUNT]);
     run(bench.sampler.chain.halt(settings));
-    run(bench
-        .sampler
-        .chain
-        .read_part(3, &mut read, 0..Register::COUNT));
+    run(bench.sampler.chain.read_part(3, &mut read, 0..Register::COUNT));
     assert_eq!(read, settings.image(3));
     assert_eq!(bench.simulation.violations(), 0);
     let is_pin = |(_, event): &(u64, Event)| !matches!(event, Event::Command { .. });

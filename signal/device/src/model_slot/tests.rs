@@ -44,11 +44,7 @@ pub(crate) fn packed_alone(mut upload: Vec<u8>) -> Vec<u8> {
 const ID: [u8; 8] = *b"personal";
 
 fn begin(bytes: &[u8]) -> ModelBegin {
-    ModelBegin {
-        id: ID,
-        bytes: u32::try_from(bytes.len()).expect("short"),
-        crc: model_crc(bytes),
-    }
+    ModelBegin { id: ID, bytes: u32::try_from(bytes.len()).expect("short"), crc: model_crc(bytes) }
 }
 
 /// Uploads a model in chunks of the largest size; returns the slot and the outcome of `end`.
@@ -85,24 +81,14 @@ fn the_built_in_model_uploaded_is_the_constant_and_yields_its_blocks() {
     let (Some(artifact), Some(constant)) = (built_in(), PACKED.as_ref()) else {
         return;
     };
-    let bytes = model_gen::upload(&artifact)
-        .expect("it fits")
-        .expect("it has one");
+    let bytes = model_gen::upload(&artifact).expect("it fits").expect("it has one");
     let (slot, end) = uploaded(&bytes);
-    let model = UploadedModel {
-        id: ID,
-        code_scales: Some(*CodeScales::BUILT_IN),
-    };
+    let model = UploadedModel { id: ID, code_scales: Some(*CodeScales::BUILT_IN) };
     assert_eq!((end.result, end.model), (AckResult::Done, Some(model)));
     let packed = slot.weights().expect("a model in use").packed;
     assert_eq!(packed.checksum(), constant.checksum());
     let numbers = |packed: &Packed<'_>| {
-        (
-            packed.input_multiplier,
-            packed.input_limit,
-            packed.misfit_energy,
-            packed.rate,
-        )
+        (packed.input_multiplier, packed.input_limit, packed.misfit_energy, packed.rate)
     };
     assert_eq!(numbers(&packed), numbers(constant));
     let mut encoder = Box::new(PackedEncoder::new());
@@ -141,9 +127,7 @@ fn blocks_of_an_uploaded_model_decode_to_its_own_coefficients() {
     let mut decoder = PackedDecoder::new(&model);
     let rate = Rate::new(6).expect("a rate");
     for (values, code) in blocks_of(&bytes, rate) {
-        decoder
-            .decode(code.bytes(), rate)
-            .expect("a block of this model");
+        decoder.decode(code.bytes(), rate).expect("a block of this model");
         let expected = model.analyse(&values);
         for (decoded, expected) in decoder.state().iter().zip(expected) {
             let error = i32::from(*decoded) - i32::from(expected);
@@ -155,10 +139,7 @@ fn blocks_of_an_uploaded_model_decode_to_its_own_coefficients() {
 #[test]
 fn the_probes_of_a_weighted_model_find_misfits() {
     let weighted = another_with(|model| {
-        model.description.weight = Some(ErrorWeight {
-            band_hz: [8.0, 30.0],
-            strength: 3.0,
-        });
+        model.description.weight = Some(ErrorWeight { band_hz: [8.0, 30.0], strength: 3.0 });
         model.synthesis = Some(std::vec![0.0; model.analysis.weights.len()]);
         // About the energy that the probes find in the median block of this noise, so that some
         // blocks are misfits.
@@ -178,10 +159,7 @@ fn the_probes_of_a_weighted_model_find_misfits() {
         misfits += usize::from(code.is_misfit);
         count += 1;
     }
-    assert!(
-        (count / 5..4 * count / 5).contains(&misfits),
-        "{misfits} of {count}"
-    );
+    assert!((count / 5..4 * count / 5).contains(&misfits), "{misfits} of {count}");
 }
 
 /// Part of a session in which a host uploads a model.
@@ -207,11 +185,7 @@ enum Act {
 }
 
 fn acts() -> impl Strategy<Value = Vec<Act>> {
-    let chunks = (
-        0..200_usize,
-        1..=MAX_CHUNK_BYTES,
-        prop_oneof![8 => Just(0), 1 => -500..500_i64],
-    );
+    let chunks = (0..200_usize, 1..=MAX_CHUNK_BYTES, prop_oneof![8 => Just(0), 1 => -500..500_i64]);
     let act = prop_oneof![
         1 => any::<bool>().prop_map(|other| Act::Begin { other }),
         6 => chunks.prop_map(|(count, length, skip)| Act::Chunks { count, length, skip }),
@@ -339,29 +313,18 @@ fn a_model_of_another_layout_or_shape_or_with_numbers_out_of_range_is_refused() 
     ];
     for (at, new) in cases {
         let (slot, end) = uploaded(&with_bytes(&bytes, at, new));
-        assert_eq!(
-            (end.result, end.model),
-            (AckResult::Failed, None),
-            "{at} {new:?}"
-        );
+        assert_eq!((end.result, end.model), (AckResult::Failed, None), "{at} {new:?}");
         assert!(slot.weights().is_none());
         assert_eq!(end.received, ModelReceived::default());
     }
     let mut slot = ModelSlot::empty();
-    let longer = if HAS_SHORTCUT {
-        AckResult::BadArgument
-    } else {
-        AckResult::NotSupported
-    };
+    let longer = if HAS_SHORTCUT { AckResult::BadArgument } else { AckResult::NotSupported };
     for (length, expected) in [
         (0, AckResult::BadArgument),
         (bytes.len() - 1, AckResult::BadArgument),
         (bytes.len() + 1, longer),
     ] {
-        let begin = ModelBegin {
-            bytes: u32::try_from(length).expect("short"),
-            ..begin(&bytes)
-        };
+        let begin = ModelBegin { bytes: u32::try_from(length).expect("short"), ..begin(&bytes) };
         assert_eq!(slot.begin(begin, ALL).result, expected, "{length}");
     }
     assert_eq!(slot.end().result, AckResult::BadArgument);
@@ -437,10 +400,7 @@ fn a_linear_code_for_another_input_or_code_is_refused_and_no_content_of_it_panic
         let network = weights.network.expect("a linear code");
         let mut memory = Box::new(EncoderMemory::EMPTY);
         for plane in [i8::MIN, i8::MAX, 0] {
-            let step = Step {
-                plane: [plane; model::CELLS],
-                ..Step::SILENCE
-            };
+            let step = Step { plane: [plane; model::CELLS], ..Step::SILENCE };
             for _ in 0..STEPS {
                 memory.encode_step_with(&step, &network);
             }
@@ -479,11 +439,7 @@ fn extreme_weights_and_tables_neither_panic_nor_make_longer_blocks() {
             let mut memory = Box::new(PackedMemory::EMPTY);
             let codes = steps(24 * 8, true)
                 .filter_map(|step| memory.encode_step_with(&step, rate, &packed));
-            assert!(
-                codes
-                    .map(|code| code.bytes().len())
-                    .all(|length| length <= 118)
-            );
+            assert!(codes.map(|code| code.bytes().len()).all(|length| length <= 118));
         }
     }
 }

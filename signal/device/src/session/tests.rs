@@ -52,11 +52,7 @@ impl Device {
         let mut host = link::Encoder::starting_at(70);
         let bytes = host.encode(0, &command, &mut buffer).unwrap();
         let (mut orders, counts) = (Vec::new(), Counts::default());
-        let Self {
-            session,
-            sender,
-            slot,
-        } = self;
+        let Self { session, sender, slot } = self;
         session.receive(bytes, 1_000, counts, &mut **slot, sender, |order| {
             orders.push(order);
         });
@@ -127,28 +123,18 @@ impl Device {
 
     /// Sends an output and returns the names of the messages that the host receives for it.
     fn kinds_of(&mut self, run: u32, payload: Payload<'_>) -> Vec<&'static str> {
-        let output = Output {
-            run,
-            at_us: 5,
-            payload,
-        };
+        let output = Output { run, at_us: 5, payload };
         self.session.send(&output, &mut self.sender);
         self.kinds()
     }
 }
 
 const fn start(streams: Streams) -> ToDevice<'static> {
-    ToDevice::Start(Start {
-        streams,
-        mains_hz: 0,
-    })
+    ToDevice::Start(Start { streams, mains_hz: 0 })
 }
 
-const EVENT: Payload<'_> = Payload::Event(link::Event {
-    kind: EventKind::TriggerRise,
-    number: 0,
-    sample: 0,
-});
+const EVENT: Payload<'_> =
+    Payload::Event(link::Event { kind: EventKind::TriggerRise, number: 0, sample: 0 });
 
 fn code(window: u32, clipped_values: u8) -> Code {
     Code {
@@ -166,54 +152,21 @@ fn code(window: u32, clipped_values: u8) -> Code {
 #[test]
 fn a_command_is_refused_if_the_board_cannot_do_it_or_an_argument_is_out_of_range() {
     let rate = |rate| ToDevice::SetRate { rate };
-    let mains = |mains_hz| {
-        ToDevice::Start(Start {
-            streams: Streams::CODES,
-            mains_hz,
-        })
-    };
+    let mains = |mains_hz| ToDevice::Start(Start { streams: Streams::CODES, mains_hz });
     let unknown = Streams::from_bits(1 | 1 << 12);
     for (abilities, command, result) in [
         (EVERYTHING, start(Streams::empty()), AckResult::BadArgument),
         (EVERYTHING, start(unknown), AckResult::BadArgument),
         (EVERYTHING, mains(55), AckResult::BadArgument),
-        (
-            EVERYTHING,
-            ToDevice::Reset(ResetInto::Newer(2)),
-            AckResult::BadArgument,
-        ),
+        (EVERYTHING, ToDevice::Reset(ResetInto::Newer(2)), AckResult::BadArgument),
         (EVERYTHING, rate(16), AckResult::BadArgument),
-        (
-            Abilities::CODES,
-            start(Streams::RAW),
-            AckResult::BadArgument,
-        ),
-        (
-            Abilities::CODES,
-            start(Streams::CODES | Streams::EVENTS),
-            AckResult::BadArgument,
-        ),
-        (
-            Abilities::CODES,
-            ToDevice::SelfTest,
-            AckResult::NotSupported,
-        ),
-        (
-            Abilities::CODES,
-            ToDevice::Reset(ResetInto::Bootloader),
-            AckResult::NotSupported,
-        ),
-        (
-            Abilities::CODES,
-            ToDevice::SyncTime { host_time_us: 77 },
-            AckResult::NotSupported,
-        ),
+        (Abilities::CODES, start(Streams::RAW), AckResult::BadArgument),
+        (Abilities::CODES, start(Streams::CODES | Streams::EVENTS), AckResult::BadArgument),
+        (Abilities::CODES, ToDevice::SelfTest, AckResult::NotSupported),
+        (Abilities::CODES, ToDevice::Reset(ResetInto::Bootloader), AckResult::NotSupported),
+        (Abilities::CODES, ToDevice::SyncTime { host_time_us: 77 }, AckResult::NotSupported),
         (Abilities::CODES, rate(4), AckResult::NotSupported),
-        (
-            Abilities::CODES,
-            ToDevice::SetImpedance { on: true },
-            AckResult::NotSupported,
-        ),
+        (Abilities::CODES, ToDevice::SetImpedance { on: true }, AckResult::NotSupported),
     ] {
         let mut device = Device::new(abilities);
         assert_eq!(device.execute(command), (None, result), "{command:?}");
@@ -222,11 +175,7 @@ fn a_command_is_refused_if_the_board_cannot_do_it_or_an_argument_is_out_of_range
     let mut device = Device::new(EVERYTHING);
     device.session.refuse_starts();
     let refused = (None, AckResult::NotSupported);
-    assert_eq!(
-        device.execute(start(Streams::CODES)),
-        refused,
-        "a damaged model"
-    );
+    assert_eq!(device.execute(start(Streams::CODES)), refused, "a damaged model");
 }
 
 #[test]
@@ -252,10 +201,7 @@ fn resets_and_rates_are_ordered_also_during_a_run() {
 fn filters_in_range_are_taken_at_any_time_and_others_change_nothing() {
     let mut device = Device::new(EVERYTHING);
     device.run(Streams::FEATURES);
-    let section = BandPass {
-        gain: 1 << 31,
-        ..BandPass::default()
-    };
+    let section = BandPass { gain: 1 << 31, ..BandPass::default() };
     let filters = |weights| {
         ToDevice::SetFeatures(link::FeatureFilters {
             id: 3,
@@ -269,10 +215,7 @@ fn filters_in_range_are_taken_at_any_time_and_others_change_nothing() {
     let expected = FeatureFilters::new(3, [[1 << 31, 0, 0]; 2], &weights);
     assert_eq!(device.session.take_filters(), expected);
     for weights in [&weights[1..], &[0x80; model::ELECTRODES]] {
-        assert_eq!(
-            device.execute(filters(weights)),
-            (None, AckResult::BadArgument)
-        );
+        assert_eq!(device.execute(filters(weights)), (None, AckResult::BadArgument));
     }
     assert_eq!(device.session.take_filters(), None);
 }
@@ -282,10 +225,7 @@ fn substitutes_come_before_the_capabilities_that_they_concern() {
     let mut device = Device::new(EVERYTHING);
     let introduced = device.kinds_after(ToDevice::Identify);
     assert_eq!(introduced, ["hello", "capabilities", "ack"]);
-    device.session = device.session.with_substitutes(Substitutes {
-        interpolated: 1,
-        zero: 0,
-    });
+    device.session = device.session.with_substitutes(Substitutes { interpolated: 1, zero: 0 });
     let introduced = device.kinds_after(ToDevice::Identify);
     assert_eq!(introduced, ["hello", "substitutes", "capabilities", "ack"]);
 }
@@ -298,11 +238,7 @@ fn outputs_of_an_earlier_run_are_dropped_also_when_run_numbers_wrap() {
         assert_eq!(device.run(streams).number, number);
         assert_eq!(device.kinds_of(number, EVENT), ["event"]);
     }
-    assert_eq!(
-        device.kinds_of(u32::MAX, EVENT),
-        [""; 0],
-        "of the previous run"
-    );
+    assert_eq!(device.kinds_of(u32::MAX, EVENT), [""; 0], "of the previous run");
     device.execute(ToDevice::Stop);
     assert_eq!(device.kinds_of(0, EVENT), [""; 0], "no run is active");
 }
@@ -317,10 +253,7 @@ fn a_start_with_other_streams_is_a_new_run_and_a_repeated_one_is_not() {
         assert_eq!(device.execute(start(streams)), (None, AckResult::Done));
     }
     // A `Start` with another mains frequency starts a new run, because the filters change.
-    let mains = ToDevice::Start(Start {
-        streams: Streams::RAW,
-        mains_hz: 60,
-    });
+    let mains = ToDevice::Start(Start { streams: Streams::RAW, mains_hz: 60 });
     assert_eq!(device.kinds_after(mains), ["capabilities", "ack"]);
     assert_eq!(device.session.run.number, 4);
 }
@@ -338,9 +271,7 @@ fn during_a_self_test_starts_are_refused_and_a_stop_does_not_end_it() {
     assert_eq!(device.execute(start(Streams::CODES)), busy);
 
     let sender = &mut device.sender;
-    device
-        .session
-        .send_self_test(SelfTest::default(), 9, sender);
+    device.session.send_self_test(SelfTest::default(), 9, sender);
     assert_eq!(device.kinds(), ["self-test"]);
     device.run(Streams::CODES);
     assert_eq!(device.execute(ToDevice::SelfTest), busy);
@@ -356,10 +287,7 @@ fn a_clock_reading_has_the_time_of_the_command_and_precedes_its_ack() {
         ToHost::ClockReading(reading) => Some((*reading, header.device_time_us)),
         _ => None,
     });
-    let reading = ClockReading {
-        host_time_us: 77,
-        received_us: 1_000,
-    };
+    let reading = ClockReading { host_time_us: 77, received_us: 1_000 };
     assert_eq!(readings, [(reading, 1_000)]);
 }
 
@@ -369,10 +297,8 @@ fn the_converters_status_is_sent_on_introduction_on_a_new_fault_and_while_stream
     let none = device.kinds_after(ToDevice::Identify);
     assert_eq!(none, ["hello", "capabilities", "ack"]);
     let update = |device: &mut Device, fault: &str| {
-        let converters = Converters {
-            fault: crate::converters::fault_text(fault),
-            ..Converters::default()
-        };
+        let converters =
+            Converters { fault: crate::converters::fault_text(fault), ..Converters::default() };
         let sender = &mut device.sender;
         device.session.update_converters(converters, 5, sender);
         device.kinds().len()
@@ -393,10 +319,7 @@ fn counters_wrap_and_windows_are_still_counted() {
     device.session.stats.commands = u32::MAX;
     let run = device.run(Streams::CODES).number;
     let payload = &code(u32::MAX, 3);
-    assert_eq!(
-        device.kinds_of(run, Payload::Code(payload, Marks::NONE)),
-        ["code"]
-    );
+    assert_eq!(device.kinds_of(run, Payload::Code(payload, Marks::NONE)), ["code"]);
     let stats = device.session.stats(Counts::default(), u32::MAX);
     let expected = Stats {
         streams: Streams::CODES,
@@ -427,9 +350,7 @@ fn noise_and_echoes_are_counted_and_timing_is_sent_unchanged() {
         .encode(0, &ToHost::SelfTest(SelfTest::default()), &mut buffer)
         .unwrap();
     for bytes in [&[7, 7, 7, 0][..], echo] {
-        let Device {
-            session, sender, ..
-        } = &mut device;
+        let Device { session, sender, .. } = &mut device;
         session.receive(bytes, 1_000, Counts::default(), &mut NoSlot, sender, |_| ());
     }
     assert_eq!(device.kinds(), [""; 0]);
@@ -437,14 +358,8 @@ fn noise_and_echoes_are_counted_and_timing_is_sent_unchanged() {
     let stats = device.session.stats(Counts::default(), 0);
     assert_eq!((stats.input_bad, stats.commands), (2, 1));
 
-    let timing = Timing {
-        stack_used: 1_024,
-        stack_size: 4_096,
-        ..Timing::default()
-    };
-    device
-        .session
-        .send_timing(timing.clone(), 5, &mut device.sender);
+    let timing = Timing { stack_used: 1_024, stack_size: 4_096, ..Timing::default() };
+    device.session.send_timing(timing.clone(), 5, &mut device.sender);
     let sent = device.sent(|header, message| match message {
         ToHost::Timing(timing) => Some((header.device_time_us, timing.clone())),
         _ => None,
@@ -459,14 +374,9 @@ fn upload(bytes: &[u8]) -> impl Iterator<Item = ToDevice<'_>> {
         bytes: u32::try_from(bytes.len()).unwrap(),
         crc: model_crc(bytes),
     });
-    let chunks = (0..)
-        .step_by(MAX_CHUNK_BYTES)
-        .zip(bytes.chunks(MAX_CHUNK_BYTES));
+    let chunks = (0..).step_by(MAX_CHUNK_BYTES).zip(bytes.chunks(MAX_CHUNK_BYTES));
     let chunks = chunks.map(|(offset, bytes)| ToDevice::ModelChunk(ModelChunk { offset, bytes }));
-    [begin]
-        .into_iter()
-        .chain(chunks)
-        .chain([ToDevice::ModelEnd])
+    [begin].into_iter().chain(chunks).chain([ToDevice::ModelEnd])
 }
 
 const ID: [u8; 8] = *b"personal";
@@ -487,14 +397,9 @@ fn an_uploaded_model_is_introduced_by_its_id_and_streams_what_its_host_can_decod
         if !is_of_this_network {
             bytes[12] ^= 1;
         }
-        let answers: Vec<_> = upload(&bytes)
-            .map(|command| device.kinds_after(command))
-            .collect();
+        let answers: Vec<_> = upload(&bytes).map(|command| device.kinds_after(command)).collect();
         let (end, parts) = answers.split_last().unwrap();
-        assert!(
-            parts.iter().all(|part| part == &["received", "ack"]),
-            "{parts:?}"
-        );
+        assert!(parts.iter().all(|part| part == &["received", "ack"]), "{parts:?}");
         assert_eq!(end, &["received", "hello", "capabilities", "ack"]);
         // A host announces an empty model to ask whether there is a slot; this changes nothing.
         let question = ToDevice::ModelBegin(ModelBegin::default());
@@ -505,11 +410,7 @@ fn an_uploaded_model_is_introduced_by_its_id_and_streams_what_its_host_can_decod
             _ => None,
         });
         assert_eq!(ids, [ID]);
-        let codes = if is_of_this_network {
-            AckResult::Done
-        } else {
-            AckResult::BadArgument
-        };
+        let codes = if is_of_this_network { AckResult::Done } else { AckResult::BadArgument };
         for stream in [Streams::CODES, Streams::AUDIT] {
             assert_eq!(device.execute(start(stream)).1, codes);
         }
@@ -547,17 +448,10 @@ fn capabilities_have_the_scales_of_an_uploaded_linear_code_until_it_is_replaced(
     };
     assert_eq!(upload(&bytes).find_map(&mut reported), Some(own.clone()));
     assert_eq!(reported(ToDevice::Identify), Some(own.clone()));
-    let start = Start {
-        streams: Streams::CODES | Streams::AUDIT,
-        mains_hz: 60,
-    };
+    let start = Start { streams: Streams::CODES | Streams::AUDIT, mains_hz: 60 };
     assert_eq!(reported(ToDevice::Start(start)), Some(own));
     assert_eq!(reported(ToDevice::Stop), None);
-    let other = ModelBegin {
-        id: [1; 8],
-        bytes: u32::try_from(bytes.len()).unwrap(),
-        crc: 0,
-    };
+    let other = ModelBegin { id: [1; 8], bytes: u32::try_from(bytes.len()).unwrap(), crc: 0 };
     let built_in = Some(model::CODE_SCALE.to_vec());
     assert_eq!(reported(ToDevice::ModelBegin(other)), built_in);
 }
@@ -581,9 +475,7 @@ fn a_model_is_refused_while_streaming_without_a_slot_and_where_it_changes_no_str
     let mut buffer = [0; MAX_FRAME];
     for command in upload(&bytes) {
         let frame = link::Encoder::starting_at(70).encode(0, &command, &mut buffer);
-        let Device {
-            session, sender, ..
-        } = &mut device;
+        let Device { session, sender, .. } = &mut device;
         let (counts, slot) = (Counts::default(), &mut NoSlot);
         session.receive(frame.unwrap(), 1_000, counts, slot, sender, |_| ());
     }
@@ -591,11 +483,7 @@ fn a_model_is_refused_while_streaming_without_a_slot_and_where_it_changes_no_str
         ToHost::Ack(ack) => Some(ack.result),
         _ => panic!("{message:?}"),
     });
-    assert!(
-        results
-            .iter()
-            .all(|result| *result == AckResult::NotSupported)
-    );
+    assert!(results.iter().all(|result| *result == AckResult::NotSupported));
 }
 
 #[test]
@@ -603,24 +491,12 @@ fn a_measurement_of_impedances_lasts_until_stop() {
     let measure = |on| ToDevice::SetImpedance { on };
     let mut device = Device::new(EVERYTHING);
     let done = |order| (Some(order), AckResult::Done);
-    assert_eq!(
-        device.execute(measure(true)),
-        done(Order::SetImpedance(true))
-    );
+    assert_eq!(device.execute(measure(true)), done(Order::SetImpedance(true)));
     // Without a run, `Stop` ends the measurement by a separate order, and only once.
-    assert_eq!(
-        device.execute(ToDevice::Stop),
-        done(Order::SetImpedance(false))
-    );
+    assert_eq!(device.execute(ToDevice::Stop), done(Order::SetImpedance(false)));
     assert_eq!(device.execute(ToDevice::Stop), (None, AckResult::Done));
     device.execute(start(Streams::CODES));
-    assert_eq!(
-        device.execute(measure(true)),
-        done(Order::SetImpedance(true))
-    );
-    assert_eq!(
-        device.execute(measure(false)),
-        done(Order::SetImpedance(false))
-    );
+    assert_eq!(device.execute(measure(true)), done(Order::SetImpedance(true)));
+    assert_eq!(device.execute(measure(false)), done(Order::SetImpedance(false)));
     assert_eq!(device.execute(ToDevice::Stop), done(Order::Stop));
 }

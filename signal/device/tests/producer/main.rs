@@ -15,17 +15,10 @@ mod packed;
 /// Number of ADC samples per step.
 const PER_STEP: u64 = model::ADC_RATE_HZ as u64 / model::STEP_RATE_HZ as u64;
 
-const OVERRUN: Marks = Marks {
-    overrun: true,
-    ..Marks::NONE
-};
+const OVERRUN: Marks = Marks { overrun: true, ..Marks::NONE };
 
 fn run(number: u32, streams: Streams) -> Run {
-    Run {
-        number,
-        streams,
-        ..Run::NONE
-    }
+    Run { number, streams, ..Run::NONE }
 }
 
 /// Returns the index of the sample that carries step `step` of a run.
@@ -106,10 +99,7 @@ fn filters() -> FeatureFilters {
 fn outputs_of(samples: impl IntoIterator<Item = AcquiredSample>) -> Vec<Output<'static>> {
     let mut producer = Box::new(Producer::new(BothEncoders::EMPTY));
     producer.set_filters(filters());
-    producer.set_exclusion(ExclusionPolicy {
-        automatic: false,
-        ..ExclusionPolicy::AUTOMATIC
-    });
+    producer.set_exclusion(ExclusionPolicy { automatic: false, ..ExclusionPolicy::AUTOMATIC });
     let mut outputs = Vec::new();
     for sample in samples {
         producer.process(&sample, &mut |output| outputs.push(keep(output)));
@@ -122,17 +112,11 @@ fn outputs_of(samples: impl IntoIterator<Item = AcquiredSample>) -> Vec<Output<'
 /// a sample directly after a lost one reports the loss.
 fn samples(streams: Streams, count: u64, lost: &[u64]) -> impl Iterator<Item = AcquiredSample> {
     let remaining = (0..count).filter(move |index| !lost.contains(index));
-    remaining
-        .enumerate()
-        .map(move |(place, index)| AcquiredSample {
-            new_run: (place == 0).then(|| run(1, streams)),
-            lost: if index > 0 && lost.contains(&(index - 1)) {
-                OVERRUN
-            } else {
-                Marks::NONE
-            },
-            ..acquired(index)
-        })
+    remaining.enumerate().map(move |(place, index)| AcquiredSample {
+        new_run: (place == 0).then(|| run(1, streams)),
+        lost: if index > 0 && lost.contains(&(index - 1)) { OVERRUN } else { Marks::NONE },
+        ..acquired(index)
+    })
 }
 
 /// Returns the index of the first sample, the number of samples and the flags of every raw output.
@@ -245,11 +229,7 @@ fn a_raw_frame_ends_before_a_lost_sample_and_the_next_one_starts_after_it() {
         ]
     );
     let times: Vec<u64> = outputs.iter().map(|output| output.at_us).collect();
-    assert_eq!(
-        times,
-        [7, 10, 20, 28].map(drdy_us),
-        "the time of each frame's last sample"
-    );
+    assert_eq!(times, [7, 10, 20, 28].map(drdy_us), "the time of each frame's last sample");
 }
 
 #[test]
@@ -273,12 +253,7 @@ fn a_filtered_frame_ends_before_a_lost_step_and_has_the_flags_of_all_its_samples
     let none = Flags::empty();
     assert_eq!(
         filtered,
-        [
-            (0, 4, none),
-            (4, 1, none),
-            (6, 4, Flags::OVERRUN | Flags::ADC_STATUS_BAD),
-            (10, 4, none),
-        ]
+        [(0, 4, none), (4, 1, none), (6, 4, Flags::OVERRUN | Flags::ADC_STATUS_BAD), (10, 4, none),]
     );
 }
 
@@ -288,9 +263,8 @@ fn lost_steps_shift_no_window_and_mark_the_codes_that_contain_them() {
     let count = (STEPS + 4 * HOP) as u64 * PER_STEP;
     let outputs = outputs_of(samples(Streams::CODES, count, &lost));
     let codes = codes(&outputs).into_iter();
-    let codes: Vec<(u32, u64, bool)> = codes
-        .map(|(code, at_us, marks)| (code.window, at_us, marks.overrun))
-        .collect();
+    let codes: Vec<(u32, u64, bool)> =
+        codes.map(|(code, at_us, marks)| (code.window, at_us, marks.overrun)).collect();
     let end = |window: u64| step_us(window * HOP as u64 + STEPS as u64 - 1);
     let steps = |window: u64| window * HOP as u64..window * HOP as u64 + STEPS as u64;
     let due: Vec<(u32, u64, bool)> = (0..5)
@@ -321,10 +295,8 @@ fn an_audit_with_the_planes_of_its_code_follows_every_ten_seconds() {
                 let planes: &[[u8; CELLS]] = message.planes.as_chunks().0;
                 let mut encoder = pipeline::Encoder::new();
                 let again = planes.iter().fold(None, |_, plane| {
-                    encoder.encode_step(&Step {
-                        plane: plane.map(u8::cast_signed),
-                        ..Step::SILENCE
-                    })
+                    encoder
+                        .encode_step(&Step { plane: plane.map(u8::cast_signed), ..Step::SILENCE })
                 });
                 let (at_us, values) = codes.last().expect("the code precedes its audit");
                 assert_eq!(*at_us, output.at_us);
@@ -368,11 +340,7 @@ fn events(streams: Streams, captured: &[(u64, u64)]) -> Vec<(u64, u64)> {
         producer.process(&sample, &mut |output| outputs.push(keep(output)));
         let next = || {
             let (at_us, _) = captured.next_if(|(_, found_at)| *found_at <= index)?;
-            Some(CapturedEvent {
-                kind: EventKind::TriggerRise,
-                number: 0,
-                at_us: *at_us,
-            })
+            Some(CapturedEvent { kind: EventKind::TriggerRise, number: 0, at_us: *at_us })
         };
         producer.place_events(&sample, next, &mut |output| outputs.push(keep(output)));
     }
@@ -386,28 +354,11 @@ fn events(streams: Streams, captured: &[(u64, u64)]) -> Vec<(u64, u64)> {
 #[test]
 fn an_event_belongs_to_the_first_sample_that_is_not_before_it() {
     // Six edges become visible at once, with sample 1, as if the encoder task ran late.
-    let captured = [
-        (0, 0),
-        (1, 1),
-        (1_000, 1),
-        (1_001, 1),
-        (2_999, 1),
-        (3_000, 1),
-        (3_001, 1),
-        (4_500, 5),
-    ];
+    let captured =
+        [(0, 0), (1, 1), (1_000, 1), (1_001, 1), (2_999, 1), (3_000, 1), (3_001, 1), (4_500, 5)];
     assert_eq!(
         events(Streams::EVENTS, &captured),
-        [
-            (0, 0),
-            (1, 1),
-            (1_000, 1),
-            (1_001, 2),
-            (2_999, 3),
-            (3_000, 3),
-            (3_001, 4),
-            (4_500, 5),
-        ]
+        [(0, 0), (1, 1), (1_000, 1), (1_001, 2), (2_999, 3), (3_000, 3), (3_001, 4), (4_500, 5),]
     );
 }
 
@@ -421,11 +372,7 @@ fn events_that_were_not_requested_are_discarded() {
 fn event_before_a_new_run(at_us: u64) -> Option<(u32, u64)> {
     let mut producer = Box::new(Producer::new(BothEncoders::EMPTY));
     let mut outputs = Vec::new();
-    let mut captured = Some(CapturedEvent {
-        kind: EventKind::TriggerFall,
-        number: 3,
-        at_us,
-    });
+    let mut captured = Some(CapturedEvent { kind: EventKind::TriggerFall, number: 3, at_us });
     for (index, new_run) in [(0, Some(1)), (0, Some(2)), (1, None)] {
         let mut sample = acquired(index);
         sample.new_run = new_run.map(|number| run(number, Streams::EVENTS));
@@ -515,10 +462,7 @@ fn a_railed_electrode_is_reported_and_filled() {
     // The prediction is small, so nothing that was encoded is clipped.
     assert_eq!(producer.clipped(), 0);
     // Once a second the report is repeated, and the filtered steps show the rail.
-    assert!(matches!(
-        outputs.last().map(|output| output.payload),
-        Some(Payload::Exclusion(_))
-    ));
+    assert!(matches!(outputs.last().map(|output| output.payload), Some(Payload::Exclusion(_))));
     let measured = outputs.iter().any(|output| match output.payload {
         Payload::Filtered(chunk) => chunk.message().flags.contains(link::Flags::SATURATED),
         _ => false,
@@ -529,21 +473,13 @@ fn a_railed_electrode_is_reported_and_filled() {
 /// `tests/acceptance` also builds this test with models for only one of the encoders.
 #[test]
 fn a_device_offers_what_its_encoders_feed_and_what_needs_none() {
-    let packed = if PACKED.is_some() {
-        Streams::PACKED | Streams::AUDIT
-    } else {
-        Streams::empty()
-    };
+    let packed = if PACKED.is_some() { Streams::PACKED | Streams::AUDIT } else { Streams::empty() };
     let others = Streams::RAW
         | Streams::COMPRESSED_RAW
         | Streams::FILTERED
         | Streams::EVENTS
         | Streams::FEATURES;
-    let network = if HAS_NETWORK {
-        Streams::CODES | Streams::AUDIT
-    } else {
-        Streams::empty()
-    };
+    let network = if HAS_NETWORK { Streams::CODES | Streams::AUDIT } else { Streams::empty() };
     assert_eq!(streams_with::<EncoderMemory>(), others | network);
     assert_eq!(streams_with::<PackedMemory>(), others | packed);
     assert_eq!(streams_with::<BothEncoders>(), others | network | packed);

@@ -34,9 +34,7 @@ fn a_run_makes_the_blocks_of_the_packed_encoder_at_the_time_of_their_last_steps(
     let made = blocks(&outputs_of(signals(Streams::PACKED, count, &[])));
     let mut encoder = Box::new(PackedEncoder::new());
     let steps = signals(Streams::PACKED, count, &[]).filter_map(|acquired| acquired.step);
-    let expected: Vec<PackedCode> = steps
-        .filter_map(|step| encoder.encode_step(&step))
-        .collect();
+    let expected: Vec<PackedCode> = steps.filter_map(|step| encoder.encode_step(&step)).collect();
     assert_eq!(made.len(), 70);
     for ((code, at_us, marks), expected) in made.iter().zip(&expected) {
         assert_eq!(code, expected);
@@ -77,19 +75,12 @@ fn exactly_the_blocks_with_a_lost_sample_have_its_faults_and_their_number_stays_
 fn blocks_of_repeated_steps_have_their_own_times() {
     let hop = HOP as u64;
     let lost: Vec<u64> = (sample_of(2 * hop + 3)..sample_of(4 * hop + 2)).collect();
-    let made = blocks(&outputs_of(signals(
-        Streams::PACKED,
-        sample_of(6 * hop),
-        &lost,
-    )));
+    let made = blocks(&outputs_of(signals(Streams::PACKED, sample_of(6 * hop), &lost)));
     assert_eq!(made.len(), 6);
     for (code, at_us, _) in &made {
         let due_us = step_us(u64::from(code.block + 1) * hop - 1);
         let block = code.block;
-        assert!(
-            at_us.abs_diff(due_us) <= 2,
-            "block {block}: {at_us} {due_us}"
-        );
+        assert!(at_us.abs_diff(due_us) <= 2, "block {block}: {at_us} {due_us}");
     }
 }
 
@@ -137,31 +128,18 @@ fn steps_missing_at_the_start_of_a_run_are_silent_and_not_settled() {
         }
     }
     let lost: Vec<u64> = (0..2 * PER_BLOCK).collect();
-    input.extend(
-        signals(Streams::PACKED, 4 * PER_BLOCK, &lost).map(|mut acquired| {
-            acquired.new_run = acquired.new_run.map(|_| run(2, Streams::PACKED));
-            acquired
-        }),
-    );
+    input.extend(signals(Streams::PACKED, 4 * PER_BLOCK, &lost).map(|mut acquired| {
+        acquired.new_run = acquired.new_run.map(|_| run(2, Streams::PACKED));
+        acquired
+    }));
     let mut outputs = outputs_of(input);
     outputs.retain(|output| output.run == 2);
     let found: Vec<(u32, bool, u64, usize)> = blocks(&outputs)
         .iter()
-        .map(|(code, ..)| {
-            (
-                code.block,
-                code.settling,
-                code.saturated,
-                code.bytes().len(),
-            )
-        })
+        .map(|(code, ..)| (code.block, code.settling, code.saturated, code.bytes().len()))
         .collect();
-    let [
-        (0, true, 0, 2..6),
-        (1, true, 0, 0..6),
-        (2, false, 0, 1..),
-        (3, false, 0, 1..),
-    ] = found[..]
+    let [(0, true, 0, 2..6), (1, true, 0, 0..6), (2, false, 0, 1..), (3, false, 0, 1..)] =
+        found[..]
     else {
         panic!("{found:?}")
     };

@@ -44,28 +44,13 @@ fn first<'d>(
 fn a_newer_message_is_an_intact_frame_that_is_ignored() {
     let mut buffer = [0; MAX_FRAME];
     let mut encoder = Encoder::starting_at(7);
-    let later = LaterToDevice::Later {
-        pattern: 3,
-        value: 70_000,
-    };
+    let later = LaterToDevice::Later { pattern: 3, value: 70_000 };
     let bytes = encoder.encode(5, &later, &mut buffer).unwrap();
     let mut decoder = Decoder::new();
-    let header = Header {
-        version: VERSION,
-        seq: 7,
-        device_time_us: 5,
-    };
-    assert_eq!(
-        first(&mut decoder, bytes),
-        Some(Err(FrameError::Unknown { header, kind: 14 }))
-    );
-    let bytes = encoder
-        .encode(6, &LaterToDevice::Ping, &mut buffer)
-        .unwrap();
-    assert_eq!(
-        first(&mut decoder, bytes).unwrap().unwrap().message,
-        ToDevice::Ping
-    );
+    let header = Header { version: VERSION, seq: 7, device_time_us: 5 };
+    assert_eq!(first(&mut decoder, bytes), Some(Err(FrameError::Unknown { header, kind: 14 })));
+    let bytes = encoder.encode(6, &LaterToDevice::Ping, &mut buffer).unwrap();
+    assert_eq!(first(&mut decoder, bytes).unwrap().unwrap().message, ToDevice::Ping);
     let counters = *decoder.counters();
     assert_eq!((counters.unknown, counters.frames), (1, 1));
     assert_eq!((counters.crc, counters.resyncs), (0, 0));
@@ -74,11 +59,7 @@ fn a_newer_message_is_an_intact_frame_that_is_ignored() {
 #[test]
 fn another_version_is_refused_with_its_number() {
     let mut buffer = [0; MAX_FRAME];
-    let header = Header {
-        version: 2,
-        seq: 0,
-        device_time_us: 0,
-    };
+    let header = Header { version: 2, seq: 0, device_time_us: 0 };
     let bytes = encode(&header, &ToDevice::Ping, &mut buffer).unwrap();
     let mut decoder = Decoder::new();
     let error = first(&mut decoder, bytes).unwrap().unwrap_err();
@@ -91,10 +72,7 @@ fn another_version_is_refused_with_its_number() {
 fn an_echo_is_refused_in_the_other_direction() {
     let mut buffer = [0; MAX_FRAME];
     let mut encoder = Encoder::default();
-    let ack = ToHost::Ack(Ack {
-        of: 3,
-        result: AckResult::Done,
-    });
+    let ack = ToHost::Ack(Ack { of: 3, result: AckResult::Done });
     let stats = ToHost::Stats(link::Stats::default());
     let code = ToHost::Code(code_in(CodeValues::int8(&[0; 128])));
     let mut device = Decoder::new();
@@ -103,10 +81,7 @@ fn an_echo_is_refused_in_the_other_direction() {
         assert_eq!(first(&mut device, echo), Some(Err(FrameError::Crc)));
     }
     let mut host = Decoder::<MAX_FRAME>::new();
-    let start = ToDevice::Start(link::Start {
-        streams: link::Streams::CODES,
-        mains_hz: 50,
-    });
+    let start = ToDevice::Start(link::Start { streams: link::Streams::CODES, mains_hz: 50 });
     for command in [start, ToDevice::Stop, ToDevice::Identify, ToDevice::Ping] {
         let mut echo = encoder.encode(0, &command, &mut buffer).unwrap();
         assert_eq!(host.next::<ToHost>(&mut echo), Some(Err(FrameError::Crc)));
@@ -143,25 +118,15 @@ fn a_code_has_1_to_256_whole_values() {
     let bytes = [7; 2 * link::MAX_NUMBERS + 2];
     let accepted =
         |values: CodeValues| is_accepted(&ToHost::Code(code_in(values))).then_some(values.len());
-    for (length, expected) in [
-        (0, None),
-        (1, Some(1)),
-        (8, Some(8)),
-        (256, Some(256)),
-        (257, None),
-    ] {
+    for (length, expected) in [(0, None), (1, Some(1)), (8, Some(8)), (256, Some(256)), (257, None)]
+    {
         assert_eq!(accepted(CodeValues::int8(&bytes[..length])), expected);
         let exponent = CodeValues::int8_exponent(3, &bytes[..length]);
         assert_eq!(accepted(exponent), expected);
     }
-    for (length, expected) in [
-        (0, None),
-        (1, None),
-        (2, Some(1)),
-        (17, None),
-        (512, Some(256)),
-        (514, None),
-    ] {
+    for (length, expected) in
+        [(0, None), (1, None), (2, Some(1)), (17, None), (512, Some(256)), (514, None)]
+    {
         assert_eq!(accepted(CodeValues::int16(&bytes[..length])), expected);
     }
 }
@@ -183,17 +148,9 @@ fn an_audit_has_0_to_256_values() {
 #[test]
 fn impedances_are_those_of_1_to_64_electrodes() {
     let bytes = [7; 4 * (link::MAX_ELECTRODES + 1)];
-    for (length, fits) in [
-        (0, false),
-        (3, false),
-        (4, true),
-        (9, false),
-        (256, true),
-        (260, false),
-    ] {
-        let impedance = ToHost::Impedance(link::Impedance {
-            ohms: &bytes[..length],
-        });
+    for (length, fits) in [(0, false), (3, false), (4, true), (9, false), (256, true), (260, false)]
+    {
+        let impedance = ToHost::Impedance(link::Impedance { ohms: &bytes[..length] });
         assert_eq!(is_accepted(&impedance), fits, "{length}");
     }
 }
@@ -203,9 +160,7 @@ fn levels_span_the_range_of_their_format() {
     let ends = |values: CodeValues| {
         let levels: Vec<i32> = values.levels().collect();
         assert_eq!(values.len(), levels.len());
-        let [least, .., greatest] = levels[..] else {
-            panic!("{levels:?}")
-        };
+        let [least, .., greatest] = levels[..] else { panic!("{levels:?}") };
         assert_eq!(values.format().range(), Some([least, greatest]));
     };
     let values = [i8::MIN, 0, i8::MAX].map(i8::cast_unsigned);

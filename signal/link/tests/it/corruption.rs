@@ -225,10 +225,7 @@ fn assert_damage_is_detected(values: CodeValues<'static>) {
         variants.push(doubled);
         for variant in variants {
             let (good, _) = decode(&variant, 7, 0);
-            assert!(
-                good.iter()
-                    .all(|(place, frame)| frames.get(*place) == Some(frame))
-            );
+            assert!(good.iter().all(|(place, frame)| frames.get(*place) == Some(frame)));
             assert!(good.iter().any(|(place, _)| *place == 0), "byte {at}");
             // A damaged zero between two frames can cost one of them, never both.
             assert!(good.len() >= 2, "byte {at}");

@@ -79,10 +79,7 @@ fn the_largest_frame_fits() {
         commands: u32::MAX,
         input_bad: u32::MAX,
     });
-    let ack = ToHost::Ack(Ack {
-        of: u32::MAX,
-        result: AckResult::Newer(255),
-    });
+    let ack = ToHost::Ack(Ack { of: u32::MAX, result: AckResult::Newer(255) });
     let quality = ToHost::Quality(Quality {
         first_sample: u64::MAX,
         settling: true,
@@ -119,10 +116,7 @@ fn the_largest_frame_fits() {
     for other in [hello, code, stats, ack, quality, timing, packed] {
         assert!(body_bytes(&other) < largest, "{other:?}");
     }
-    let start = Start {
-        streams: Streams::from_bits(u16::MAX),
-        mains_hz: 255,
-    };
+    let start = Start { streams: Streams::from_bits(u16::MAX), mains_hz: 255 };
     assert!(body_bytes(&ToDevice::Start(start)) < 32);
     let chunk = |length: usize| {
         ToDevice::ModelChunk(ModelChunk {
@@ -131,10 +125,7 @@ fn the_largest_frame_fits() {
         })
     };
     // 21 bytes of header, message number and CRC, then offset and bytes.
-    assert_eq!(
-        body_bytes(&chunk(MAX_CHUNK_BYTES)),
-        21 + 5 + MAX_CHUNK_BYTES
-    );
+    assert_eq!(body_bytes(&chunk(MAX_CHUNK_BYTES)), 21 + 5 + MAX_CHUNK_BYTES);
     for length in [0, 1, MAX_CHUNK_BYTES, MAX_CHUNK_BYTES + 1] {
         let mut buffer = [0; MAX_FRAME];
         let frame = Encoder::default().encode(0, &chunk(length), &mut buffer);
@@ -191,10 +182,7 @@ fn samples_windows_and_self_tests_fit_a_frame() {
         first_wrong: u8::MAX,
         frames_bad: u32::MAX,
     };
-    let channel = ChannelTest {
-        fault: ChannelFault::Newer(255),
-        ..ChannelTest::default()
-    };
+    let channel = ChannelTest { fault: ChannelFault::Newer(255), ..ChannelTest::default() };
     let self_test = ToHost::SelfTest(SelfTest {
         fault: text.as_str().try_into().unwrap(),
         drdy_millihertz: u32::MAX,
@@ -253,12 +241,7 @@ fn a_body_of_the_maximum_length_fits_the_longest_frame() {
 fn a_short_buffer_is_refused_and_uses_up_the_number() {
     let mut encoder = Encoder::default();
     for length in 0..8 {
-        assert!(
-            encoder
-                .encode(0, &ToDevice::Ping, &mut vec![0; length])
-                .is_err(),
-            "{length}"
-        );
+        assert!(encoder.encode(0, &ToDevice::Ping, &mut vec![0; length]).is_err(), "{length}");
     }
     encoder.skip();
     assert_eq!(encoder.next_seq(), 9);

@@ -14,24 +14,13 @@ pub(crate) const MODEL: ModelBegin = ModelBegin {
     bytes: 300,
     crc: 0xDEAD_BEEF,
 };
-pub(crate) const CHUNK: ModelChunk<'_> = ModelChunk {
-    offset: 256,
-    bytes: &[0, 1, 2, 0xFF, 0x80],
-};
+pub(crate) const CHUNK: ModelChunk<'_> = ModelChunk { offset: 256, bytes: &[0, 1, 2, 0xFF, 0x80] };
 
 /// Two filters of two electrodes, and a band-pass of 8 to 30 Hz.
 pub(crate) const FILTERS: FeatureFilters<'_> = FeatureFilters {
     id: 0xC0DE_F17E,
-    first: BandPass {
-        gain: 1_732_880_386,
-        a1: 6_412_710_145,
-        a2: -2_805_971_273,
-    },
-    second: BandPass {
-        gain: 1_732_880_386,
-        a1: 1_285_160_498,
-        a2: -1_524_016_507,
-    },
+    first: BandPass { gain: 1_732_880_386, a1: 6_412_710_145, a2: -2_805_971_273 },
+    second: BandPass { gain: 1_732_880_386, a1: 1_285_160_498, a2: -1_524_016_507 },
     weights: &[127, 0x81, 64, 64],
 };
 
@@ -47,16 +36,11 @@ fn features() -> ToHost<'static> {
 
 /// Impedances of two electrodes: 4.2 kOhm, and a disconnected electrode.
 fn impedance() -> ToHost<'static> {
-    ToHost::Impedance(Impedance {
-        ohms: &[0x68, 0x10, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF],
-    })
+    ToHost::Impedance(Impedance { ohms: &[0x68, 0x10, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF] })
 }
 
 fn model_received() -> ToHost<'static> {
-    ToHost::ModelReceived(ModelReceived {
-        crc: MODEL.crc,
-        bytes: 256,
-    })
+    ToHost::ModelReceived(ModelReceived { crc: MODEL.crc, bytes: 256 })
 }
 
 fn hello() -> ToHost<'static> {
@@ -163,11 +147,7 @@ pub(crate) fn quality() -> ToHost<'static> {
         samples_at_rail: 0,
         flat: false,
     };
-    let off = ElectrodeQuality {
-        mains_uv: 3000.0,
-        samples_at_rail: 300,
-        ..good
-    };
+    let off = ElectrodeQuality { mains_uv: 3000.0, samples_at_rail: 300, ..good };
     ToHost::Quality(Quality {
         first_sample: 8704,
         settling: false,
@@ -228,11 +208,7 @@ fn audit() -> ToHost<'static> {
 }
 
 fn event() -> ToHost<'static> {
-    ToHost::Event(Event {
-        kind: EventKind::TriggerRise,
-        number: 12,
-        sample: 9_660,
-    })
+    ToHost::Event(Event { kind: EventKind::TriggerRise, number: 12, sample: 9_660 })
 }
 
 /// Status of two chips; the second chip has delivered three bad frames and has an electrode off.
@@ -262,10 +238,7 @@ fn self_test() -> ToHost<'static> {
         shorted_noise_uv: 0.0,
         fault: ChannelFault::Gain,
     };
-    let chip = ChipTest {
-        id: 0x3e,
-        ..ChipTest::default()
-    };
+    let chip = ChipTest { id: 0x3e, ..ChipTest::default() };
     ToHost::SelfTest(SelfTest {
         fault: "chip 0, channel 2".try_into().unwrap(),
         drdy_millihertz: 512_000,
@@ -285,10 +258,7 @@ fn clock_reading() -> ToHost<'static> {
 }
 
 fn substitutes() -> ToHost<'static> {
-    ToHost::Substitutes(Substitutes {
-        interpolated: 0b1_0000_0010,
-        zero: 1 << 60,
-    })
+    ToHost::Substitutes(Substitutes { interpolated: 0b1_0000_0010, zero: 1 << 60 })
 }
 
 /// Key block of eight samples of two channels, to keep the dump short;
@@ -323,18 +293,11 @@ fn compressed_continuing() -> ToHost<'static> {
 }
 
 /// Policy of a host that always excludes electrode 3 and never excludes electrode 60.
-pub(crate) const POLICY: ExclusionPolicy = ExclusionPolicy {
-    always: 1 << 3,
-    never: 1 << 60,
-    automatic: true,
-};
+pub(crate) const POLICY: ExclusionPolicy =
+    ExclusionPolicy { always: 1 << 3, never: 1 << 60, automatic: true };
 
 fn exclusion() -> ToHost<'static> {
-    ToHost::Exclusion(Exclusion {
-        first_step: 2_496,
-        excluded: 1 << 3 | 1 << 20,
-        policy: POLICY,
-    })
+    ToHost::Exclusion(Exclusion { first_step: 2_496, excluded: 1 << 3 | 1 << 20, policy: POLICY })
 }
 
 pub(crate) fn packed_code() -> ToHost<'static> {
@@ -353,10 +316,7 @@ pub(crate) fn packed_code() -> ToHost<'static> {
 
 /// Returns each message with the name of its dump, and with seq and device time of its frame.
 pub(crate) fn all() -> Vec<(&'static str, (u32, u64), ToHost<'static>)> {
-    let ack = ToHost::Ack(Ack {
-        of: 1,
-        result: AckResult::Done,
-    });
+    let ack = ToHost::Ack(Ack { of: 1, result: AckResult::Done });
     let code_at = (304, 19_871_093);
     let second = (316, 19_916_015);
     vec![

@@ -25,10 +25,7 @@ fn values() -> impl Strategy<Value = CodeValues<'static>> {
 }
 
 pub(crate) fn message() -> impl Strategy<Value = ToHost<'static>> {
-    let messages: Vec<_> = messages::all()
-        .into_iter()
-        .map(|(_, _, message)| message)
-        .collect();
+    let messages: Vec<_> = messages::all().into_iter().map(|(_, _, message)| message).collect();
     let bytes = prop::collection::vec(any::<u8>(), 0..=1_536).prop_map(|bytes| &*bytes.leak());
     let numbers = any::<(u8, u16, u32, u64)>();
     (prop::sample::select(messages), bytes, values(), numbers).prop_map(
@@ -148,11 +145,7 @@ fn with_contents(
 /// none.
 fn ohms(bytes: &'static [u8]) -> &'static [u8] {
     let length = bytes.len().min(4 * MAX_ELECTRODES) / 4 * 4;
-    if length > 0 {
-        &bytes[..length]
-    } else {
-        &[1, 2, 3, 4]
-    }
+    if length > 0 { &bytes[..length] } else { &[1, 2, 3, 4] }
 }
 
 /// Gives each count a different value.

@@ -34,10 +34,7 @@ fn dumps() -> Vec<(&'static str, Vec<u8>)> {
 
 fn frame<'m, M: Message<'m>>(seq: u32, device_time_us: u64, message: &M) -> Vec<u8> {
     let mut buffer = [0; MAX_FRAME];
-    Encoder::starting_at(seq)
-        .encode(device_time_us, message, &mut buffer)
-        .unwrap()
-        .to_vec()
+    Encoder::starting_at(seq).encode(device_time_us, message, &mut buffer).unwrap().to_vec()
 }
 
 /// Checks that the dump `name` is the frame of `message`, and that the frame decodes to `message`.
@@ -49,34 +46,18 @@ fn check<'d, M: Message<'d> + PartialEq + core::fmt::Debug>(
     let hex: Vec<String> = made.iter().map(|byte| format!("{byte:02x}")).collect();
     let hex: Vec<String> = hex.chunks(16).map(|row| row.join(" ")).collect();
     let hex = hex.join("\n");
-    let documented = dumps()
-        .into_iter()
-        .find(|(documented, _)| *documented == name);
+    let documented = dumps().into_iter().find(|(documented, _)| *documented == name);
     let documented = documented.map(|(_, bytes)| bytes).unwrap_or_default();
-    assert!(
-        documented == made,
-        "docs/wire-format.md should have\n```hex {name}\n{hex}\n```"
-    );
-    let decoded = decoder
-        .next::<M>(&mut documented.as_slice())
-        .unwrap()
-        .unwrap();
-    assert_eq!(
-        (decoded.header.seq, decoded.header.device_time_us),
-        (seq, device_time_us)
-    );
+    assert!(documented == made, "docs/wire-format.md should have\n```hex {name}\n{hex}\n```");
+    let decoded = decoder.next::<M>(&mut documented.as_slice()).unwrap().unwrap();
+    assert_eq!((decoded.header.seq, decoded.header.device_time_us), (seq, device_time_us));
     assert_eq!(decoded.message, message);
 }
 
 #[test]
 fn every_dump_equals_the_encoders_output() {
-    let start = ToDevice::Start(Start {
-        streams: Streams::CODES,
-        mains_hz: 50,
-    });
-    let sync_time = ToDevice::SyncTime {
-        host_time_us: 1_700_000_000_000_000,
-    };
+    let start = ToDevice::Start(Start { streams: Streams::CODES, mains_hz: 50 });
+    let sync_time = ToDevice::SyncTime { host_time_us: 1_700_000_000_000_000 };
     let commands = [
         ("identify", (0, 0), ToDevice::Identify),
         ("start", (1, 0), start),
@@ -91,11 +72,7 @@ fn every_dump_equals_the_encoders_output() {
         ("model-chunk", (10, 0), ToDevice::ModelChunk(CHUNK)),
         ("model-end", (11, 0), ToDevice::ModelEnd),
         ("set-features", (12, 0), ToDevice::SetFeatures(FILTERS)),
-        (
-            "set-impedance",
-            (13, 0),
-            ToDevice::SetImpedance { on: true },
-        ),
+        ("set-impedance", (13, 0), ToDevice::SetImpedance { on: true }),
     ];
     let messages = messages::all();
     let compared = commands.len() + messages.len();
@@ -116,15 +93,8 @@ fn assert_documented(words: &str) {
 #[test]
 fn the_document_states_the_size_of_a_code_frame() {
     let length = |message| {
-        let ToHost::Code(code) = message else {
-            panic!()
-        };
-        let day = Code {
-            window: 16 * 86_400,
-            first_sample: 512 * 86_400,
-            saturated: 0,
-            ..code
-        };
+        let ToHost::Code(code) = message else { panic!() };
+        let day = Code { window: 16 * 86_400, first_sample: 512 * 86_400, saturated: 0, ..code };
         frame(16 * 86_400, 86_400_000_000, &ToHost::Code(day)).len()
     };
     let words = format!(
@@ -138,9 +108,7 @@ fn the_document_states_the_size_of_a_code_frame() {
 
 #[test]
 fn the_document_states_the_size_of_a_packed_code_frame() {
-    let ToHost::PackedCode(code) = packed_code() else {
-        panic!()
-    };
+    let ToHost::PackedCode(code) = packed_code() else { panic!() };
     // The block is as long as the mean block at quantiser rate 4, which has 195 bits
     // (docs/packed.md).
     let block = [1; 24];
@@ -164,9 +132,7 @@ fn the_document_states_the_size_of_a_packed_code_frame() {
 
 #[test]
 fn the_document_states_the_size_of_a_quality_frame() {
-    let ToHost::Quality(quality) = quality() else {
-        panic!()
-    };
+    let ToHost::Quality(quality) = quality() else { panic!() };
     let length = |electrode| {
         let day = Quality {
             first_sample: 512 * 86_400,
@@ -175,11 +141,7 @@ fn the_document_states_the_size_of_a_quality_frame() {
         };
         frame(16 * 86_400, 86_400_000_000, &ToHost::Quality(day)).len()
     };
-    let words = format!(
-        "{} to {} bytes for 61 electrodes, every second",
-        length(0),
-        length(1)
-    );
+    let words = format!("{} to {} bytes for 61 electrodes, every second", length(0), length(1));
     assert_documented(&words);
 }
 
@@ -198,11 +160,8 @@ fn the_document_states_the_size_of_a_timing_frame() {
         stage(Stage::Code, 16),
         stage(Stage::Send, 16),
     ];
-    let timing = Timing {
-        stages: stages.into_iter().collect(),
-        stack_used: 5_120,
-        stack_size: 16_384,
-    };
+    let timing =
+        Timing { stages: stages.into_iter().collect(), stack_used: 5_120, stack_size: 16_384 };
     let bytes = frame(16 * 86_400, 86_400_000_000, &ToHost::Timing(timing)).len();
     let words = format!("A timing frame takes at most {bytes} bytes for four stages after a day");
     assert_documented(&words);

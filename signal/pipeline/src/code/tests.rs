@@ -29,10 +29,7 @@ fn levels(last: &[i32]) -> [i32; CODE] {
 /// Draws levels of every magnitude, from 0 to far beyond 16 bits.
 fn any_levels() -> impl Strategy<Value = [i32; CODE]> {
     (0..=20_u32, prop::collection::vec(any::<i32>(), CODE)).prop_map(|(bits, levels)| {
-        let levels: Vec<i32> = levels
-            .into_iter()
-            .map(|level| level >> (31 - bits))
-            .collect();
+        let levels: Vec<i32> = levels.into_iter().map(|level| level >> (31 - bits)).collect();
         levels.try_into().expect("a level for each number")
     })
 }
@@ -119,11 +116,7 @@ fn values_beyond_sixteen_bits_are_clipped_and_counted() {
     assert_eq!(values.integers()[CODE - 6..], expected);
     assert_eq!(clipped, 4);
     for (format, _) in FORMATS {
-        assert_eq!(
-            usize::from(encoded(format, &[i32::MIN; CODE]).1),
-            CODE.min(255),
-            "all of them"
-        );
+        assert_eq!(usize::from(encoded(format, &[i32::MIN; CODE]).1), CODE.min(255), "all of them");
     }
 }
 

@@ -74,8 +74,7 @@ impl Convolutions {
         }
         if index >= 2 {
             let transformed = self.transformed.advance();
-            self.hidden
-                .compute(network, self.input.oldest_first(), transformed);
+            self.hidden.compute(network, self.input.oldest_first(), transformed);
         }
         if index == 0 {
             self.pool.start();
@@ -84,10 +83,7 @@ impl Convolutions {
             self.convolve(index - 4, network, windows);
         }
         for edges in &mut self.edges {
-            let recent = RecentPlanes {
-                input: &self.input,
-                transformed: &self.transformed,
-            };
+            let recent = RecentPlanes { input: &self.input, transformed: &self.transformed };
             for (slot, offset) in containing_windows(index, network.hop, STEPS) {
                 let window = &mut windows[slot];
                 edges.apply(offset, network, &recent, &mut self.hidden, window);
@@ -199,9 +195,7 @@ impl HiddenPlane {
         input: [&[Pair]; 3],
         transformed: &mut [Pair],
     ) {
-        network
-            .conv1()
-            .convolve(input, &mut self.patches, &mut self.sums, &mut self.interior);
+        network.conv1().convolve(input, &mut self.patches, &mut self.sums, &mut self.interior);
         let plane = if MARGIN == 0 {
             &self.interior[..]
         } else {
@@ -247,10 +241,8 @@ pub(super) struct Pool {
 
 impl Pool {
     /// All zeros, so that a static takes no flash; call [`Self::start`] before the first plane.
-    pub(super) const EMPTY: Self = Self {
-        largest: [0; POOLED.len()],
-        pooled: [Pair::ZERO; POOLED_PAIRS],
-    };
+    pub(super) const EMPTY: Self =
+        Self { largest: [0; POOLED.len()], pooled: [Pair::ZERO; POOLED_PAIRS] };
 
     /// Resets the largest sums to `i32::MIN`, before the first plane of a pool.
     pub(super) fn start(&mut self) {
@@ -260,9 +252,7 @@ impl Pool {
     /// Convolves three transformed planes, oldest first, and updates the largest sums of the pool.
     #[inline]
     pub(super) fn convolve(&mut self, network: &Network<'_>, transformed: [&[Pair]; 3]) {
-        network
-            .conv2()
-            .convolve_max_pool(transformed, &mut self.largest);
+        network.conv2().convolve_max_pool(transformed, &mut self.largest);
     }
 
     /// Adds the bias to the largest sums, requantises the result to 0..=255, and resets the sums.

@@ -77,14 +77,12 @@ impl Edges {
                 }
             }
             3 => {
-                self.pool
-                    .convolve(network, [&self.outermost, before, newest]);
+                self.pool.convolve(network, [&self.outermost, before, newest]);
                 self.add(network, window, START_LAST);
             }
             LAST => {
                 hidden.compute(network, [older, newer, &ZERO_PLANE], &mut self.outermost);
-                self.pool
-                    .convolve(network, [before, newest, &self.outermost]);
+                self.pool.convolve(network, [before, newest, &self.outermost]);
                 if POOL[0] == 1 {
                     self.add(network, window, END_FIRST);
                 }

@@ -124,10 +124,7 @@ pub(super) fn containing_windows(
 }
 
 /// Returns the index of the slot that holds open window `window`.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "a remainder below the number of slots"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "a remainder below the number of slots")]
 pub(super) fn slot_of(window: u64) -> usize {
     (window % OPEN_WINDOWS as u64) as usize
 }

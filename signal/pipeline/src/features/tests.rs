@@ -9,16 +9,8 @@ use super::*;
 /// `butter(2, [8, 30], 'bandpass', fs=128)` of scipy 1.15 as two sections, each with the square
 /// root of the gain 0.1628.
 const BAND: [[f64; 3]; 2] = [
-    [
-        0.403_467_658_652_6,
-        1.493_075_431_284_8,
-        -0.653_316_093_047_3,
-    ],
-    [
-        0.403_467_658_652_6,
-        0.299_224_745_896_6,
-        -0.354_837_442_314_6,
-    ],
+    [0.403_467_658_652_6, 1.493_075_431_284_8, -0.653_316_093_047_3],
+    [0.403_467_658_652_6, 0.299_224_745_896_6, -0.354_837_442_314_6],
 ];
 
 #[expect(clippy::cast_possible_truncation, reason = "coefficients below 2")]
@@ -68,9 +60,7 @@ fn expected(steps: usize) -> Vec<[f64; 2]> {
     let mut signals = rows().map(|row| {
         let sample = |n| {
             let terms = row.iter().enumerate();
-            terms
-                .map(|(e, w)| f64::from(*w) * 4.0 * microvolts(e, n))
-                .sum()
+            terms.map(|(e, w)| f64::from(*w) * 4.0 * microvolts(e, n)).sum()
         };
         (0..steps).map(sample).collect::<Vec<f64>>()
     });
@@ -96,9 +86,7 @@ fn levels_are_those_of_the_same_computation_in_f64() {
     let mut extractor = FeatureExtractor::NEW;
     extractor.set_filters(filters());
     let steps = 600 * HOP;
-    let made: Vec<_> = (0..steps)
-        .filter_map(|n| extractor.add_step(&step(n)))
-        .collect();
+    let made: Vec<_> = (0..steps).filter_map(|n| extractor.add_step(&step(n))).collect();
     let expected = expected(steps);
     assert_eq!(made.len(), expected.len());
     for (hop, (features, expected)) in made.iter().zip(&expected).enumerate() {
@@ -124,10 +112,7 @@ fn without_filters_there_are_no_features_and_the_hops_count_on() {
     assert!((0..3 * HOP).all(|n| extractor.add_step(&step(n)).is_none()));
     extractor.set_filters(filters());
     let made = (0..HOP).find_map(|n| extractor.add_step(&step(n)));
-    assert_eq!(
-        made.map(|features| (features.hop, features.settling)),
-        Some((3, true))
-    );
+    assert_eq!(made.map(|features| (features.hop, features.settling)), Some((3, true)));
     extractor.restart();
     let made = (0..HOP).find_map(|n| extractor.add_step(&step(n)));
     assert_eq!(made.map(|features| features.hop), Some(0));
@@ -137,18 +122,12 @@ fn without_filters_there_are_no_features_and_the_hops_count_on() {
 #[test]
 fn a_restart_forgets_the_run_before() {
     let run = |extractor: &mut FeatureExtractor| -> Vec<_> {
-        (0..40 * HOP)
-            .filter_map(|n| extractor.add_step(&step(n)))
-            .collect()
+        (0..40 * HOP).filter_map(|n| extractor.add_step(&step(n))).collect()
     };
     let mut extractor = FeatureExtractor::NEW;
     extractor.set_filters(filters());
     let first = run(&mut extractor);
-    extractor.add_step(&Step {
-        saturated: 1,
-        settling: true,
-        ..step(3)
-    });
+    extractor.add_step(&Step { saturated: 1, settling: true, ..step(3) });
     extractor.restart();
     assert_eq!(run(&mut extractor), first);
 }
@@ -165,10 +144,7 @@ fn filters_out_of_range_are_refused_and_the_largest_ones_neither_panic_nor_overf
     };
     let full: Vec<_> = (0..14).map(|at| (at + 1, 127)).collect();
     assert!(with(&full));
-    assert!(
-        !with(&[&full[..], &[(20, 127)]].concat()),
-        "a sum above 2,047"
-    );
+    assert!(!with(&[&full[..], &[(20, 127)]].concat()), "a sum above 2,047");
     assert!(!with(&[(3, i8::MIN)]));
     let rows = |count| bytes(&std::vec![row; count]);
     assert!(FeatureFilters::new(1, q32(BAND), &[]).is_none());
@@ -180,16 +156,9 @@ fn filters_out_of_range_are_refused_and_the_largest_ones_neither_panic_nor_overf
     let mut extractor = FeatureExtractor::NEW;
     extractor.set_filters(hostile.expect("in range"));
     let loud = |n: usize| Step {
-        electrodes: [if n.is_multiple_of(2) {
-            i32::MAX
-        } else {
-            i32::MIN
-        }; ELECTRODES],
+        electrodes: [if n.is_multiple_of(2) { i32::MAX } else { i32::MIN }; ELECTRODES],
         ..Step::SILENCE
     };
     let made = (0..100 * HOP).filter_map(|n| extractor.add_step(&loud(n)));
-    assert_eq!(
-        made.map(|features| features.levels().len()).sum::<usize>(),
-        800
-    );
+    assert_eq!(made.map(|features| features.levels().len()).sum::<usize>(), 800);
 }

@@ -16,10 +16,7 @@ fn sample(n: u32, uv: impl Fn(usize, f64) -> f64) -> Sample {
     let t = f64::from(n) / f64::from(ADC_RATE_HZ);
     let mut sample = Sample::default();
     for (electrode, count) in sample.counts.iter_mut().enumerate() {
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "the tests stay within the rails"
-        )]
+        #[expect(clippy::cast_possible_truncation, reason = "the tests stay within the rails")]
         let rounded = (uv(electrode, t) * counts_per_uv()).round() as i32;
         *count = rounded;
     }
@@ -64,11 +61,7 @@ fn a_microvolt_of_mains_is_measured_despite_20_mv_of_offset_alpha_and_drift() {
     for (mains, hz) in [(Mains::Hz50, 50.0), (Mains::Hz60, 60.0)] {
         let amplitude = |electrode| 1.0 + 0.5 * f64::from(u8::try_from(electrode).expect("64"));
         let uv = |electrode: usize, t: f64| {
-            let offset = if electrode.is_multiple_of(2) {
-                20e3
-            } else {
-                -20e3
-            };
+            let offset = if electrode.is_multiple_of(2) { 20e3 } else { -20e3 };
             let alpha = 30.0 * (TAU * 10.3 * t).sin();
             offset + 200.0 * t + alpha + amplitude(electrode) * (TAU * hz * t + 0.4).sin()
         };
@@ -114,10 +107,8 @@ fn filtered_figures_equal_those_of_float64() {
         reports.extend(quality.observe(&Sample::default(), step.as_ref()));
     }
     for (index, electrode) in reports[0].electrodes.iter().enumerate() {
-        let signal: Vec<f64> = steps
-            .iter()
-            .map(|step| f64::from(step.electrodes[index]) / per_uv)
-            .collect();
+        let signal: Vec<f64> =
+            steps.iter().map(|step| f64::from(step.electrodes[index]) / per_uv).collect();
         let rms = (signal.iter().map(|x| x * x).sum::<f64>() / f64::from(step_rate)).sqrt();
         let relative = f64::from(electrode.rms_uv) / rms - 1.0;
         // The square root has a relative error of up to 2e-6, and the f32 sum is rounded. Measured
@@ -181,11 +172,7 @@ fn rails_are_counted_and_an_electrode_below_the_converter_s_noise_is_flat() {
 fn a_report_does_not_depend_on_the_second_before() {
     let large = |n| sample(n, |_, t| 1000.0 * (TAU * 50.0 * t).sin());
     let small = |n| sample(n, |_, t| 3.0 * (TAU * 50.0 * t).sin());
-    let step = Step {
-        electrodes: [1 << 20; ELECTRODES],
-        settling: true,
-        ..Step::default()
-    };
+    let step = Step { electrodes: [1 << 20; ELECTRODES], settling: true, ..Step::default() };
     let mut quality = SignalQuality::new(Mains::Hz50);
     for n in second() {
         quality.observe(&large(n), Some(&step));

@@ -24,14 +24,8 @@ impl Bin {
     /// # Panics
     /// If `hz` is not below the Nyquist frequency; at compile time in a `const` context.
     pub(super) const fn new(hz: u8, rate_hz: u16) -> Self {
-        assert!(
-            2 * (hz as u16) < rate_hz,
-            "the frequency must be below half of the rate"
-        );
-        Self {
-            carrier: Rotor::new(hz, rate_hz),
-            window: Rotor::new(1, rate_hz),
-        }
+        assert!(2 * (hz as u16) < rate_hz, "the frequency must be below half of the rate");
+        Self { carrier: Rotor::new(hz, rate_hz), window: Rotor::new(1, rate_hz) }
     }
 
     /// Resets to the first sample of a second.
@@ -63,10 +57,7 @@ impl Rotor {
     const START: [f32; 2] = [1.0, 0.0];
 
     const fn new(cycles: u8, rate_hz: u16) -> Self {
-        Self {
-            at: Self::START,
-            rotation: cos_sin(TAU * cycles as f64 / rate_hz as f64),
-        }
+        Self { at: Self::START, rotation: cos_sin(TAU * cycles as f64 / rate_hz as f64) }
     }
 
     #[inline]
@@ -81,10 +72,7 @@ impl Rotor {
 ///
 /// micromath's functions are too inaccurate: an error of 1e-3 per sample would add up to half a
 /// radian after 512 samples.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "intentionally rounded to f32"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "intentionally rounded to f32")]
 const fn cos_sin(angle: f64) -> [f32; 2] {
     let (mut cos, mut sin) = (0.0, 0.0);
     let mut term = 1.0;

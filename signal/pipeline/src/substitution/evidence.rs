@@ -124,12 +124,7 @@ impl Evidence {
 }
 
 impl Sums {
-    const ZERO: Self = Self {
-        innovation: 0,
-        predicted: 0,
-        measured: 0,
-        mains: [0; 2],
-    };
+    const ZERO: Self = Self { innovation: 0, predicted: 0, measured: 0, mains: [0; 2] };
 
     fn add_energies(&mut self, measured: i32, predicted: i32) {
         self.innovation += square(measured - predicted);
@@ -174,10 +169,7 @@ const fn weights(mains: Mains) -> &'static Weights {
         while step < WINDOW {
             let hann = 1.0 - cosine(step as f64 / WINDOW as f64);
             let turns = mains_hz as f64 * step as f64 / STEP_RATE_HZ as f64;
-            weights[step] = [
-                scaled(hann * cosine(turns)),
-                scaled(hann * cosine(turns - 0.25)),
-            ];
+            weights[step] = [scaled(hann * cosine(turns)), scaled(hann * cosine(turns - 0.25))];
             step += 1;
         }
         weights

@@ -43,10 +43,7 @@ pub(super) struct Fill {
 /// Content of a free slot. It is 0, so that the initial state, all zeros, takes no flash.
 const FREE: u8 = 0;
 
-const _: () = assert!(
-    MAX_EXCLUDED == 12,
-    "a sweep has one call for each pair of slots"
-);
+const _: () = assert!(MAX_EXCLUDED == 12, "a sweep has one call for each pair of slots");
 
 impl Fill {
     pub(super) const NONE: Self = Self {
@@ -61,10 +58,7 @@ impl Fill {
     }
 
     /// Excludes electrodes in the order of the montage, until all slots are taken.
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "the index of one of 64 bits"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "the index of one of 64 bits")]
     pub(super) fn exclude(&mut self, electrodes: ElectrodeMask, table: &Table<'_>) {
         let mut new = electrodes & !self.excluded;
         for slot in 0..MAX_EXCLUDED {
@@ -181,9 +175,8 @@ impl Fill {
     ) {
         for slot in [2 * PAIR, 2 * PAIR + 1] {
             let products = self.among_slots[slot].iter().zip(&*values);
-            let sum = products.fold(sums[slot], |sum, (weight, value)| {
-                weight.multiply_add(*value, sum)
-            });
+            let sum =
+                products.fold(sums[slot], |sum, (weight, value)| weight.multiply_add(*value, sum));
             values[PAIR] = values[PAIR].with(slot % 2, saturated(sum >> WEIGHT_BITS));
         }
     }
@@ -191,11 +184,7 @@ impl Fill {
 
 /// Returns the matrix from all slots to every electrode.
 const fn matrix(weights: &[Pair]) -> Linear<'_> {
-    Linear {
-        inputs: SLOT_INPUTS,
-        outputs: ELECTRODE_OUTPUTS,
-        weights,
-    }
+    Linear { inputs: SLOT_INPUTS, outputs: ELECTRODE_OUTPUTS, weights }
 }
 
 /// Half of the weights' scale: a sum that starts at this value is rounded half up by the shift.

@@ -34,10 +34,7 @@ pub(super) const HOLD: u8 = windows(10);
 /// Number of windows in a row for which an electrode must be quiet to be excluded: 3 s.
 const QUIET: u8 = windows(3);
 
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "a window takes 0.5 s or more"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "a window takes 0.5 s or more")]
 const fn windows(seconds: usize) -> u8 {
     (seconds * STEP_RATE_HZ as usize / WINDOW) as u8
 }
@@ -63,11 +60,8 @@ pub(super) struct Verdict {
 }
 
 impl Judge {
-    pub(super) const NEW: Self = Self {
-        good: [0; ELECTRODES],
-        quiet: [0; ELECTRODES],
-        loud: [false; ELECTRODES],
-    };
+    pub(super) const NEW: Self =
+        Self { good: [0; ELECTRODES], quiet: [0; ELECTRODES], loud: [false; ELECTRODES] };
 
     /// Judges a window in which the electrodes `excluded` were excluded. Electrodes in `never` are
     /// not found bad.

@@ -63,11 +63,8 @@ fn root(covariance: &Matrix) -> Matrix {
         for column in 0..=row {
             let products = (0..column).map(|k| root[row][k] * root[column][k]);
             let rest = covariance[row][column] - products.sum::<f64>();
-            root[row][column] = if row == column {
-                rest.sqrt()
-            } else {
-                rest / root[column][column]
-            };
+            root[row][column] =
+                if row == column { rest.sqrt() } else { rest / root[column][column] };
         }
     }
     root
@@ -84,10 +81,7 @@ fn table(covariance: &Matrix) -> (Vec<[i8; ELECTRODES]>, Table<'static>) {
     };
     let rows: Vec<[i8; ELECTRODES]> = (0..ELECTRODES).map(row).collect();
     let innovation = |a: usize| (256.0 / precision[a][a]).round() as i32;
-    (
-        rows.clone(),
-        packed(&rows, core::array::from_fn(innovation)),
-    )
+    (rows.clone(), packed(&rows, core::array::from_fn(innovation)))
 }
 
 fn packed(rows: &[[i8; ELECTRODES]], innovation: [i32; ELECTRODES]) -> Table<'static> {
@@ -143,12 +137,7 @@ fn signal(count: usize) -> Vec<[f64; ELECTRODES]> {
 fn step(uv: &[f64; ELECTRODES]) -> Step {
     let electrodes = uv.map(|x| (x * counts_per_uv()) as i32);
     let (plane, clipped) = quantise(&electrodes);
-    Step {
-        electrodes,
-        plane,
-        clipped,
-        ..Step::SILENCE
-    }
+    Step { electrodes, plane, clipped, ..Step::SILENCE }
 }
 
 /// Runs the substitution over steps; each step is preceded by one sample, constant at the
@@ -165,11 +154,7 @@ fn run(
     for (index, step) in steps.iter().enumerate() {
         let mut sample = Sample::default();
         for (electrode, count) in sample.counts.iter_mut().enumerate() {
-            *count = if flat >> electrode & 1 == 0 {
-                (index % 2 * 1_000) as i32
-            } else {
-                77
-            };
+            *count = if flat >> electrode & 1 == 0 { (index % 2 * 1_000) as i32 } else { 77 };
         }
         substitution.observe_sample(&sample);
         let mut filled = *step;
@@ -188,9 +173,8 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
 fn steps_pass_unchanged_while_no_electrode_is_bad() {
     let (_, table) = table(&covariance());
     let steps: Vec<Step> = signal(20 * WINDOW).iter().map(step).collect();
-    for ((excluded, filled), step) in run(ExclusionPolicy::AUTOMATIC, &table, &steps, 0)
-        .iter()
-        .zip(&steps)
+    for ((excluded, filled), step) in
+        run(ExclusionPolicy::AUTOMATIC, &table, &steps, 0).iter().zip(&steps)
     {
         assert_eq!((*excluded, filled.electrodes), (0, step.electrodes));
     }
@@ -207,11 +191,7 @@ fn excluded_electrodes_are_their_conditional_mean_given_the_others() {
     let spread: Vec<usize> = (0..MAX_EXCLUDED).map(|n| 5 * n).collect();
     for bad in [&adjacent[..], &spread, &adjacent[..1]] {
         let always = bad.iter().fold(0, |mask, electrode| mask | 1 << electrode);
-        let policy = ExclusionPolicy {
-            always,
-            automatic: false,
-            never: 0,
-        };
+        let policy = ExclusionPolicy { always, automatic: false, never: 0 };
         let outputs = run(policy, &table, &steps, 0);
         let reference = conditional_mean(&covariance, bad);
         let mut errors = Vec::new();
@@ -223,11 +203,7 @@ fn excluded_electrodes_are_their_conditional_mean_given_the_others() {
             for electrode in 0..ELECTRODES {
                 let value = f64::from(filled.electrodes[electrode]) / counts_per_uv();
                 if let Some(place) = bad.iter().position(|&bad| bad == electrode) {
-                    let mean = reference[place]
-                        .iter()
-                        .zip(uv)
-                        .map(|(w, x)| w * x)
-                        .sum::<f64>();
+                    let mean = reference[place].iter().zip(uv).map(|(w, x)| w * x).sum::<f64>();
                     errors.push(value - mean);
                     expected.push(mean);
                 } else {
@@ -295,11 +271,7 @@ fn each_fault_is_found_and_the_electrode_returns() {
     let (_, table) = table(&covariance());
     let uv = signal(40 * WINDOW);
     let faults: [(&str, Fault, usize); 4] = [
-        (
-            "mains",
-            |n, _, _| 141.0 * (TAU * 50.05 * n as f64 / 128.0).sin(),
-            2,
-        ),
+        ("mains", |n, _, _| 141.0 * (TAU * 50.05 * n as f64 / 128.0).sin(), 2),
         ("noise", |_, _, noise| 100.0 * noise.next(), 1),
         ("quiet", |_, x, _| x / 10.0, 8),
         ("pop", |_, x, _| x + 1_000.0, 1),
@@ -321,20 +293,11 @@ fn each_fault_is_found_and_the_electrode_returns() {
             .collect();
         let found = masks.iter().position(|&mask| mask != 0);
         let found = found.unwrap_or_else(|| panic!("{name} is not found"));
-        assert!(
-            found <= (4 + windows + 1) * WINDOW,
-            "{name} found at {found}"
-        );
-        assert!(
-            masks.iter().all(|mask| mask & !(1 << BAD) == 0),
-            "{name}: others"
-        );
+        assert!(found <= (4 + windows + 1) * WINDOW, "{name} found at {found}");
+        assert!(masks.iter().all(|mask| mask & !(1 << BAD) == 0), "{name}: others");
         let back = found + masks[found..].iter().position(|&mask| mask == 0).unwrap();
         let hold = usize::from(judge::HOLD) * WINDOW;
-        assert!(
-            (end + hold..end + hold + 2 * WINDOW).contains(&back),
-            "{name}: {back}"
-        );
+        assert!((end + hold..end + hold + 2 * WINDOW).contains(&back), "{name}: {back}");
     }
 }
 
@@ -348,10 +311,7 @@ fn an_electrode_with_large_innovations_in_training_is_excluded_for_noise() {
     let (_, table) = table(&covariance());
     let mut innovation = *table.innovation;
     innovation[BAD] = 24 * 24 * 256;
-    let table = Table {
-        innovation: &innovation,
-        ..table
-    };
+    let table = Table { innovation: &innovation, ..table };
     for (noise_uv, expected) in [(100.0, 1 << BAD), (55.0, 0)] {
         let mut noise = Noise(2);
         let mut uv = signal(8 * WINDOW);
@@ -395,10 +355,7 @@ fn a_protected_electrode_does_not_end_the_search_for_others() {
         uv[30] += 1_000.0;
     }
     let steps: Vec<Step> = uv.iter().map(step).collect();
-    let policy = ExclusionPolicy {
-        never: 1 << 5,
-        ..ExclusionPolicy::AUTOMATIC
-    };
+    let policy = ExclusionPolicy { never: 1 << 5, ..ExclusionPolicy::AUTOMATIC };
     let outputs = run(policy, &table, &steps, 1 << 5);
     assert_eq!(outputs.last().map(|(mask, _)| *mask), Some(1 << 30));
 }
@@ -416,17 +373,10 @@ fn the_host_comes_first() {
 #[test]
 fn the_host_excludes_protects_and_switches_off() {
     let (_, table) = table(&covariance());
-    let railed = Step {
-        saturated: 1 << 2 | 1 << 3,
-        ..Step::SILENCE
-    };
+    let railed = Step { saturated: 1 << 2 | 1 << 3, ..Step::SILENCE };
     let steps = std::vec![railed; 3 * WINDOW];
     let excluded = |always, never, automatic| {
-        let policy = ExclusionPolicy {
-            always,
-            never,
-            automatic,
-        };
+        let policy = ExclusionPolicy { always, never, automatic };
         run(policy, &table, &steps, 0)[WINDOW / 2].0
     };
     assert_eq!(excluded(0, 0, true), 0b1100);
@@ -434,10 +384,7 @@ fn the_host_excludes_protects_and_switches_off() {
     assert_eq!(excluded(1, 1, false), 1);
     assert_eq!(excluded(0, 0, false), 0);
     // The host excludes more electrodes than there are slots.
-    assert_eq!(
-        excluded(u64::MAX, 0, true).count_ones() as usize,
-        MAX_EXCLUDED
-    );
+    assert_eq!(excluded(u64::MAX, 0, true).count_ones() as usize, MAX_EXCLUDED);
 }
 
 #[test]
@@ -445,13 +392,11 @@ fn no_table_makes_the_arithmetic_overflow() {
     for sign in [1, -1] {
         let rows: Vec<[i8; ELECTRODES]> = (0..ELECTRODES)
             .map(|row| {
-                core::array::from_fn(|column| {
-                    if (row + column) % 3 == 0 {
-                        -127
-                    } else {
-                        127 * sign
-                    }
-                })
+                core::array::from_fn(
+                    |column| {
+                        if (row + column) % 3 == 0 { -127 } else { 127 * sign }
+                    },
+                )
             })
             .collect();
         for innovation in [1, 1 << 26] {
@@ -460,19 +405,10 @@ fn no_table_makes_the_arithmetic_overflow() {
                 electrodes: Electrodes::from(core::array::from_fn(|e| {
                     if (n * e) % 2 == 0 { i32::MAX } else { i32::MIN }
                 })),
-                saturated: if n % 50 == 0 {
-                    n as u64 * 0x1234_5678_9abc
-                } else {
-                    0
-                },
+                saturated: if n % 50 == 0 { n as u64 * 0x1234_5678_9abc } else { 0 },
                 ..Step::SILENCE
             });
-            run(
-                ExclusionPolicy::AUTOMATIC,
-                &table,
-                &steps.collect::<Vec<_>>(),
-                0,
-            );
+            run(ExclusionPolicy::AUTOMATIC, &table, &steps.collect::<Vec<_>>(), 0);
         }
     }
 }

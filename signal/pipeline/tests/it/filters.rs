@@ -35,10 +35,7 @@ fn rail(upper: bool) -> i32 {
 /// Filters counts with the fixed-point filters of the device.
 fn filtered(mains: Mains, counts: &[i32]) -> Vec<i32> {
     let mut state = CascadeState::REST;
-    counts
-        .iter()
-        .map(|&count| mains.apply(&mut state, count << GUARD_BITS))
-        .collect()
+    counts.iter().map(|&count| mains.apply(&mut state, count << GUARD_BITS)).collect()
 }
 
 /// Filters counts in f64: quantised coefficients, no rounding of the signal, no overflow.
@@ -51,10 +48,7 @@ fn float_twin(mains: Mains, counts: &[i32]) -> Vec<f64> {
 /// largest magnitude of the fixed-point output, both in LSBs of a filtered sample (1/32 count).
 fn distance(mains: Mains, counts: &[i32]) -> [f64; 2] {
     let mut largest = [0.0_f64; 2];
-    for (y, expected) in filtered(mains, counts)
-        .into_iter()
-        .zip(float_twin(mains, counts))
-    {
+    for (y, expected) in filtered(mains, counts).into_iter().zip(float_twin(mains, counts)) {
         largest[0] = largest[0].max((f64::from(y) - expected).abs());
         largest[1] = largest[1].max(f64::from(y).abs());
     }
@@ -64,11 +58,7 @@ fn distance(mains: Mains, counts: &[i32]) -> [f64; 2] {
 /// Returns the worst-case gain of the output, as proven when the model is built.
 fn proven_gain(mains: Mains) -> f64 {
     let gains = model_gen::headroom::prove_cascade(&prefix(mains, SECTIONS - 1));
-    gains
-        .expect("also proven at build time")
-        .last()
-        .expect("a cascade has nodes")
-        .gain
+    gains.expect("also proven at build time").last().expect("a cascade has nodes").gain
 }
 
 /// Limit of the shaped rounding noise of six sections, in units of a filtered sample (largest
@@ -103,9 +93,7 @@ fn telegraphs_from_rail_to_rail_stay_below_the_proven_gain() {
         let mut largest_gain = 0.0_f64;
         let mut random = 1_u32;
         for half_period in [2_560, 512, 128, 51, 32, 13, 8, 5, 4, 3, 2, 1] {
-            let square: Vec<i32> = (0..20_480)
-                .map(|n| rail((n / half_period) % 2 == 0))
-                .collect();
+            let square: Vec<i32> = (0..20_480).map(|n| rail((n / half_period) % 2 == 0)).collect();
             let mut upper = true;
             let telegraph: Vec<i32> = (0..20_480)
                 .map(|_| {
@@ -133,13 +121,8 @@ fn zeros_after_a_signal_leave_no_limit_cycle_above_one_count() {
         for amplitude in [1, 100, 44_739, 894_784, Sample::MAX] {
             for period in [1, 3, 10, 51, 512, 4_096] {
                 // A square wave of 4 s, then 60 s of zeros; the last 10 s are checked.
-                let signal = (0..2_048).map(|n| {
-                    if (n / period) % 2 == 0 {
-                        amplitude
-                    } else {
-                        -amplitude
-                    }
-                });
+                let signal =
+                    (0..2_048).map(|n| if (n / period) % 2 == 0 { amplitude } else { -amplitude });
                 let counts: Vec<i32> = signal.chain(std::iter::repeat_n(0, 60 * 512)).collect();
                 let tail = filtered(mains, &counts).into_iter().rev().take(5_120);
                 largest = largest.max(tail.map(i32::abs).max().expect("a tail"));

@@ -34,9 +34,7 @@ impl AtRate {
         let sections = cascade(&spec).expect("the specification is realisable");
         Self {
             rate_hz,
-            cascade: Cascade {
-                sections: sections.try_into().expect("a notch and five sections"),
-            },
+            cascade: Cascade { sections: sections.try_into().expect("a notch and five sections") },
             table: ResamplerTable::new(decimation, rate_hz, STEP_RATE_HZ, model::ELECTRODES)
                 .expect("a sane rate"),
         }
@@ -44,11 +42,7 @@ impl AtRate {
 
     /// Returns filters and resampler as a chain, which computes their response in float.
     fn chain(&self) -> Chain<'_> {
-        Chain {
-            sections: &self.cascade.sections,
-            resampler: &self.table,
-            rate_hz: self.rate_hz,
-        }
+        Chain { sections: &self.cascade.sections, resampler: &self.table, rate_hz: self.rate_hz }
     }
 
     /// Returns the filtered steps of one electrode, in counts, for an input of `counts`.
@@ -71,19 +65,13 @@ impl AtRate {
             row
         });
         let rows: Vec<[i32; TAPS]> = rows.collect();
-        let resampler = Resampler {
-            down: self.table.down,
-            taps: rows.try_into().expect("PHASES phases"),
-        };
+        let resampler =
+            Resampler { down: self.table.down, taps: rows.try_into().expect("PHASES phases") };
         assert!(resampler.is_consistent());
         let mut front_end = FrontEnd::<_, PHASES, TAPS>::new(self.cascade, &resampler);
         counts
             .iter()
-            .filter_map(|&count| {
-                front_end.filter_sample(&Sample {
-                    counts: [count; CHANNELS],
-                })
-            })
+            .filter_map(|&count| front_end.filter_sample(&Sample { counts: [count; CHANNELS] }))
             .map(|(electrodes, _)| f64::from(electrodes[0]) / f64::from(1 << GUARD_BITS))
             .collect()
     }
@@ -120,9 +108,7 @@ fn the_outputs_equal_scipy_s_at_every_rate_and_decimation() {
         };
         let outputs = AtRate::new(rate_hz, mains_hz, decimation).steps(&counts(4 * rate_hz));
         assert_eq!(outputs.len(), PICKED.end);
-        let expected = fields[3..]
-            .iter()
-            .map(|field| field.parse().expect("a number"));
+        let expected = fields[3..].iter().map(|field| field.parse().expect("a number"));
         let picked = outputs[PICKED].iter().step_by(EVERY);
         let error_counts = picked
             .zip(expected)
@@ -268,11 +254,7 @@ fn a_burst_is_delayed_by_the_stated_group_delay_at_every_rate() {
 
 #[test]
 fn the_model_states_the_delay_of_its_own_front_end() {
-    let decimation = if model::TAPS == 1 {
-        Decimation::Literal
-    } else {
-        Decimation::Fir
-    };
+    let decimation = if model::TAPS == 1 { Decimation::Literal } else { Decimation::Fir };
     for mains in [&model::MAINS_50, &model::MAINS_60] {
         let rate_hz = model::ADC_RATE_HZ.into();
         let front_end = AtRate::new(rate_hz, mains.mains_hz.into(), decimation);
@@ -283,9 +265,8 @@ fn the_model_states_the_delay_of_its_own_front_end() {
 
 #[test]
 fn the_front_end_of_any_description_has_the_same_bits() {
-    let mut description = Artifact::from_files(model::artifact_files::FILES)
-        .expect("the built-in model")
-        .description;
+    let mut description =
+        Artifact::from_files(model::artifact_files::FILES).expect("the built-in model").description;
     description.adc.rate_hz = 500;
     description.filters.decimation = Decimation::Fir;
     let mut filters = Filters::new(&description, 50).expect("usual filters");

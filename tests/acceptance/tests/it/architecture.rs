@@ -25,10 +25,8 @@ struct Row {
 #[test]
 fn crates_and_arrows_are_those_of_architecture_md() {
     let mut written = rows();
-    let positions: BTreeMap<String, usize> = written
-        .iter()
-        .map(|(name, row)| (name.clone(), row.position))
-        .collect();
+    let positions: BTreeMap<String, usize> =
+        written.iter().map(|(name, row)| (name.clone(), row.position)).collect();
     let mut faults = Vec::new();
     for package in workspace::packages("Cargo.toml").expect("cargo metadata") {
         let (name, arrows) = (package.name, package.arrows);
@@ -38,30 +36,17 @@ fn crates_and_arrows_are_those_of_architecture_md() {
         };
         if row.arrows != arrows {
             let written = &row.arrows;
-            faults.push(format!(
-                "`{name}`:\n  written {written:?}\n  real    {arrows:?}"
-            ));
+            faults.push(format!("`{name}`:\n  written {written:?}\n  real    {arrows:?}"));
         }
         let group = first_folder(&package.folder);
         if row.group != group {
-            faults.push(format!(
-                "`{name}` is in `{group}/`, written in `{}/`",
-                row.group
-            ));
+            faults.push(format!("`{name}` is in `{group}/`, written in `{}/`", row.group));
         }
-        let all = arrows
-            .normal
-            .iter()
-            .chain(&arrows.build)
-            .chain(&arrows.tests);
+        let all = arrows.normal.iter().chain(&arrows.build).chain(&arrows.tests);
         let later = all.filter(|other| positions.get(*other) > Some(&row.position));
         faults.extend(later.map(|other| format!("`{name}` depends on `{other}` of a later group")));
     }
-    faults.extend(
-        written
-            .keys()
-            .map(|name| format!("`{name}` has a row and does not exist")),
-    );
+    faults.extend(written.keys().map(|name| format!("`{name}` has a row and does not exist")));
     assert!(
         faults.is_empty(),
         "ARCHITECTURE.md and the manifests disagree; is the new dependency intended?\n{}",
@@ -71,21 +56,15 @@ fn crates_and_arrows_are_those_of_architecture_md() {
 
 #[test]
 fn the_root_has_few_folders() {
-    let files = Command::new("git")
-        .arg("ls-files")
-        .current_dir(workspace::root())
-        .output()
-        .expect("git");
+    let files =
+        Command::new("git").arg("ls-files").current_dir(workspace::root()).output().expect("git");
     let files = String::from_utf8_lossy(&files.stdout);
     let folders: Names = files
         .lines()
         .filter_map(|file| file.split_once('/'))
         .map(|(folder, _)| folder.to_owned())
         .collect();
-    assert!(
-        (7..=MAX_FOLDERS).contains(&folders.len()),
-        "the root has these folders: {folders:?}"
-    );
+    assert!((7..=MAX_FOLDERS).contains(&folders.len()), "the root has these folders: {folders:?}");
 }
 
 #[test]
@@ -93,10 +72,8 @@ fn only_the_files_that_architecture_md_lists_contain_unsafe_code() {
     let mut places = Names::new();
     let mut roots = 0;
     for Package { name, folder, .. } in packages() {
-        let own: Names = sources(&folder)
-            .into_iter()
-            .filter_map(|file| unsafe_place(&file))
-            .collect();
+        let own: Names =
+            sources(&folder).into_iter().filter_map(|file| unsafe_place(&file)).collect();
         for root in ["src/lib.rs", "src/main.rs"] {
             let Ok(text) = fs::read_to_string(folder.join(root)) else {
                 continue;
@@ -110,11 +87,7 @@ fn only_the_files_that_architecture_md_lists_contain_unsafe_code() {
         places.extend(own);
     }
     assert!(roots > 10, "found only {roots} crate roots");
-    assert_eq!(
-        written_unsafe_places(),
-        places,
-        "left: ARCHITECTURE.md, right: the sources"
-    );
+    assert_eq!(written_unsafe_places(), places, "left: ARCHITECTURE.md, right: the sources");
 }
 
 /// Checks that cargo compiles every `.rs` file: it must be the root of a target, or another file
@@ -122,10 +95,8 @@ fn only_the_files_that_architecture_md_lists_contain_unsafe_code() {
 #[test]
 fn every_source_file_is_declared_by_a_module() {
     let packages = packages();
-    let files: Vec<PathBuf> = packages
-        .iter()
-        .flat_map(|package| sources(&package.folder))
-        .collect();
+    let files: Vec<PathBuf> =
+        packages.iter().flat_map(|package| sources(&package.folder)).collect();
     assert!(files.len() > 500, "found only {} files", files.len());
     let mut declared = Names::new();
     for file in &files {
@@ -144,10 +115,8 @@ fn every_source_file_is_declared_by_a_module() {
         declared.contains(stem.as_ref())
     };
     let is_root = |file: &PathBuf| packages.iter().any(|package| package.roots.contains(file));
-    let orphans: Vec<_> = files
-        .iter()
-        .filter(|file| !is_declared(file) && !is_root(file))
-        .collect();
+    let orphans: Vec<_> =
+        files.iter().filter(|file| !is_declared(file) && !is_root(file)).collect();
     assert!(
         orphans.is_empty(),
         "nothing compiles these files; delete them, or declare them with `mod`:\n{orphans:#?}"
@@ -189,11 +158,8 @@ fn rows() -> BTreeMap<String, Row> {
             let [name, _purpose, arrows] = cells[..] else {
                 panic!("a row has three cells: {line}");
             };
-            let mut row = Row {
-                position,
-                group: name_of_group.to_owned(),
-                arrows: Arrows::default(),
-            };
+            let mut row =
+                Row { position, group: name_of_group.to_owned(), arrows: Arrows::default() };
             for part in arrows.split(';') {
                 let part = part.trim();
                 let names = match part.split_once(": ") {
@@ -214,27 +180,19 @@ fn rows() -> BTreeMap<String, Row> {
 /// Returns the section of ARCHITECTURE.md that has the given heading.
 fn section(heading: &str) -> String {
     let text = fs::read_to_string(workspace::root().join("ARCHITECTURE.md")).expect("the document");
-    let (_, section) = text
-        .split_once(&format!("\n## {heading}\n"))
-        .expect("the section");
+    let (_, section) = text.split_once(&format!("\n## {heading}\n")).expect("the section");
     section.split("\n## ").next().unwrap_or(section).to_owned()
 }
 
 /// Returns the names in backticks in a table's cell.
 fn names_in(cell: &str) -> Names {
-    cell.split('`')
-        .skip(1)
-        .step_by(2)
-        .map(str::to_owned)
-        .collect()
+    cell.split('`').skip(1).step_by(2).map(str::to_owned).collect()
 }
 
 /// Returns the first folder, counted from the root folder, in the path of a crate.
 fn first_folder(folder: &Path) -> String {
     let root = workspace::root().canonicalize().expect("the root");
-    let below = folder
-        .strip_prefix(root)
-        .expect("a folder of the workspace");
+    let below = folder.strip_prefix(root).expect("a folder of the workspace");
     let first = below.iter().next().unwrap_or_default();
     first.to_string_lossy().into_owned()
 }

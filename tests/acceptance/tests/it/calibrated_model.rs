@@ -20,20 +20,14 @@ const SLACK: Duration = Duration::from_mins(2);
 fn models(folder: &Path, subject: &str) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder.join("data/corticode/models").join(subject));
     let entries = entries.into_iter().flatten();
-    entries
-        .map(|entry| entry.expect("an entry").path())
-        .collect()
+    entries.map(|entry| entry.expect("an entry").path()).collect()
 }
 
 /// Returns two errors at `rate` from the printed table, in percent: the error of the person's model
 /// and the error of the built-in one.
 fn errors_at(rate: &str, table: &str) -> [f64; 2] {
-    let mut rows = table
-        .lines()
-        .map(|line| line.split_whitespace().collect::<Vec<_>>());
-    let row = rows
-        .find(|row| row.first() == Some(&rate))
-        .expect("the rate");
+    let mut rows = table.lines().map(|line| line.split_whitespace().collect::<Vec<_>>());
+    let row = rows.find(|row| row.first() == Some(&rate)).expect("the rate");
     [row[2], row[4]].map(|error| error.parse().expect("a number"))
 }
 
@@ -48,13 +42,7 @@ fn a_model_is_fitted_to_a_board_s_signal_and_the_bridge_streams_with_it() {
 
     let port = free_address();
     let fast = board_with(folder, &port, &["--seed=7", "--fast"]);
-    let arguments = [
-        "calibrate",
-        "--subject=ada",
-        "--seconds=20",
-        "--port",
-        &port,
-    ];
+    let arguments = ["calibrate", "--subject=ada", "--seconds=20", "--port", &port];
     let mut calibrating = bridge(folder, "calibrating", &arguments);
     assert!(calibrating.wait(SLACK).success(), "{}", calibrating.log());
     drop(fast);
@@ -66,26 +54,14 @@ fn a_model_is_fitted_to_a_board_s_signal_and_the_bridge_streams_with_it() {
     let table = calibrating.output();
     let [own, other] = errors_at("4", &table);
     assert!(own < 0.8 * other, "{table}");
-    assert!(
-        table.contains(&id) && table.contains("--subject ada --streams packed"),
-        "{table}"
-    );
+    assert!(table.contains(&id) && table.contains("--subject ada --streams packed"), "{table}");
     let network = |artifact: &Artifact| artifact.network_id().expect("files");
     assert_eq!(network(&artifact), network(&built_in));
-    let people = &artifact
-        .packed
-        .as_ref()
-        .expect("a packed model")
-        .description
-        .training
-        .people;
+    let people = &artifact.packed.as_ref().expect("a packed model").description.training.people;
     assert_eq!(people[0].subject, "ada");
     assert_eq!(people[0].bad, [""; 0]);
     let log = calibrating.errors();
-    assert!(
-        log.contains(&format!("the device uses model {id}")),
-        "{log}"
-    );
+    assert!(log.contains(&format!("the device uses model {id}")), "{log}");
 
     let port = free_address();
     let faults = ["--realtime", "--duration=120", "--fault=lead-off@1s:Cz"];
@@ -93,9 +69,7 @@ fn a_model_is_fitted_to_a_board_s_signal_and_the_bridge_streams_with_it() {
     let arguments = ["calibrate", "--subject=ada", "--port", &port];
     let mut interrupted = bridge(folder, "interrupted", &arguments);
     interrupted.wait_until("a report of the electrode", SLACK, |bridge| {
-        bridge
-            .errors()
-            .contains("the device finds flat: Cz; at the rail: Cz")
+        bridge.errors().contains("the device finds flat: Cz; at the rail: Cz")
     });
     interrupted.signal(Signal::INT);
     assert_eq!(interrupted.wait(SLACK).code(), Some(1));
@@ -117,10 +91,7 @@ fn a_model_is_fitted_to_a_board_s_signal_and_the_bridge_streams_with_it() {
 fn write_recording(path: &Path, labels: &[String], is_bad: bool) {
     let mut random = noise(5);
     let mut sources = [0.0; 4];
-    let weights: Vec<[f32; 4]> = labels
-        .iter()
-        .map(|_| std::array::from_fn(|_| random()))
-        .collect();
+    let weights: Vec<[f32; 4]> = labels.iter().map(|_| std::array::from_fn(|_| random())).collect();
     let values = (0..35 * 256).flat_map(|_| {
         for source in &mut sources {
             *source = 0.95 * *source + 20.0 * random();
@@ -128,11 +99,7 @@ fn write_recording(path: &Path, labels: &[String], is_bad: bool) {
         let mut values: Vec<f32> = weights
             .iter()
             .map(|weights| {
-                let sum: f32 = weights
-                    .iter()
-                    .zip(sources)
-                    .map(|(w, source)| w * source)
-                    .sum();
+                let sum: f32 = weights.iter().zip(sources).map(|(w, source)| w * source).sum();
                 sum + 2.0 * random()
             })
             .collect();
@@ -163,12 +130,7 @@ fn a_model_is_fitted_to_a_recording_and_what_cannot_be_used_is_refused() {
     let run = |arguments: &[&str], status| {
         let arguments = [&["calibrate", "--subject=bob", "--mains=50"], arguments].concat();
         let mut calibrating = bridge(folder, "calibrating", &arguments);
-        assert_eq!(
-            calibrating.wait(SLACK).code(),
-            Some(status),
-            "{}",
-            calibrating.log()
-        );
+        assert_eq!(calibrating.wait(SLACK).code(), Some(status), "{}", calibrating.log());
         [calibrating.output(), calibrating.errors()]
     };
     let (bad, few) = (path("bad.gdf"), path("few.gdf"));
@@ -194,27 +156,16 @@ fn a_model_is_fitted_to_a_recording_and_what_cannot_be_used_is_refused() {
             [&artifact, &built_in].map(|model| model.input_scale_uv().expect("a scale"));
         assert!((own / base - 1.0).abs() < 1e-12);
     }
-    let packed = &artifact
-        .packed
-        .as_ref()
-        .expect("a packed model")
-        .description;
+    let packed = &artifact.packed.as_ref().expect("a packed model").description;
     assert_eq!(packed.training.train_files, ["bad.gdf"]);
     assert_eq!(packed.training.people[0].bad, [labels[0].as_str()]);
 
     let bad_first = format!("; bad were {}", labels[0]);
-    let lacks = format!(
-        "lacks {} of the {} electrodes",
-        labels.len() - 8,
-        labels.len()
-    );
+    let lacks = format!("lacks {} of the {} electrodes", labels.len() - 8, labels.len());
     for (arguments, words) in [
         (&["--recording", &bad][..], &*bad_first),
         (&["--seconds=20", "--recording", &few], &lacks),
-        (
-            &["--seconds=20", "--recording", &bad, "--output", &mine],
-            "exists",
-        ),
+        (&["--seconds=20", "--recording", &bad, "--output", &mine], "exists"),
         (&["--seconds=20", "--recording", "none.gdf"], "none.gdf"),
         (&["--model", &path("network")], "no packed code"),
     ] {
@@ -224,10 +175,7 @@ fn a_model_is_fitted_to_a_recording_and_what_cannot_be_used_is_refused() {
     assert!(models(folder, "bob").is_empty());
     let unread = path("network");
     for (option, words) in [
-        (
-            "--subject=eve",
-            "has no model of eve; there is none of anybody yet",
-        ),
+        ("--subject=eve", "has no model of eve; there is none of anybody yet"),
         (
             &*format!("--upload-model={unread}"),
             "the person's model has no effect: it has no numbers for codes",

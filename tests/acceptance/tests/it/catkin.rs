@@ -40,22 +40,15 @@ fn built_messages_have_the_md5_sums_that_the_bridge_publishes() {
         for (tool, name, md5) in [
             ("rosmsg", NeuroFrame::TYPE.name, NeuroFrame::TYPE.md5),
             ("rosmsg", NeuroEvent::TYPE.name, NeuroEvent::TYPE.md5),
-            (
-                "rossrv",
-                GET_ACQUISITION_INFO.name,
-                GET_ACQUISITION_INFO.md5,
-            ),
+            ("rossrv", GET_ACQUISITION_INFO.name, GET_ACQUISITION_INFO.md5),
         ] {
             let built = workspace.tool(&ros, space, &format!("{tool} md5 {name}"));
             assert_eq!(built.trim(), md5, "{name} in {space}");
         }
         let version = workspace.tool(&ros, space, "rosrun corticode corticode-bridge --version");
         assert!(version.starts_with("corticode-bridge "), "{version}");
-        let launch = workspace.tool(
-            &ros,
-            space,
-            "roslaunch --files corticode record.launch port:=x",
-        );
+        let launch =
+            workspace.tool(&ros, space, "roslaunch --files corticode record.launch port:=x");
         assert!(launch.contains("corticode.launch"), "{launch}");
     }
 }
@@ -77,10 +70,7 @@ fn roslaunch_starts_the_bridge_with_its_arguments_in_a_namespace() {
     let above = CatkinWorkspace::new(folder.path().join("above"), &above);
     let refused = above.make(&ros, Some(&workspace), &[]);
     let errors = String::from_utf8_lossy(&refused.stderr).into_owned();
-    assert!(
-        !refused.status.success() && errors.contains("already has rosneuro_msgs"),
-        "{errors}"
-    );
+    assert!(!refused.status.success() && errors.contains("already has rosneuro_msgs"), "{errors}");
 
     assert_every_option_is_an_argument(&workspace, &ros);
 
@@ -89,42 +79,25 @@ fn roslaunch_starts_the_bridge_with_its_arguments_in_a_namespace() {
     let _board = board_with(folder.path(), &output, &["--realtime"]);
     let port = format!("port:={}", port.display());
 
-    let arguments = [
-        "corticode.launch",
-        &port,
-        "ns:=left",
-        "announce:=reconstructed",
-        "streams:=codes,raw",
-    ];
+    let arguments =
+        ["corticode.launch", &port, "ns:=left", "announce:=reconstructed", "streams:=codes,raw"];
     let launched = launch(&workspace, &ros, folder.path(), &arguments);
     wait_for_frames(&workspace, &ros, folder.path(), "/left/encoded");
     assert_node_encodes(&workspace, &ros, folder.path(), "/left/neurodata");
     let info = workspace.tool(&ros, "devel", "rosservice call /left/acquisition/get_info");
-    assert!(
-        info.contains("result: True") && info.contains("nchannels: 61"),
-        "{info}"
-    );
+    assert!(info.contains("result: True") && info.contains("nchannels: 61"), "{info}");
     let ended = launched.stop(Signal::INT, EXIT_TIMEOUT);
     assert!(ended.success(), "roslaunch on SIGINT: {ended}");
 
     let prefix = format!("prefix:={}/session", folder.path().display());
     let arguments = ["record.launch", &port, "ns:=right", &prefix];
     let launched = launch(&workspace, &ros, folder.path(), &arguments);
-    wait_for_frames(
-        &workspace,
-        &ros,
-        folder.path(),
-        "/right/neurodata_reconstructed",
-    );
+    wait_for_frames(&workspace, &ros, folder.path(), "/right/neurodata_reconstructed");
     let ended = launched.stop(Signal::INT, EXIT_TIMEOUT);
     assert!(ended.success(), "roslaunch on SIGINT: {ended}");
     let bag = bag_in(folder.path());
     let info = workspace.tool(&ros, "devel", &format!("rosbag info {}", bag.display()));
-    for topic in [
-        " /right/encoded",
-        " /right/neurodata_reconstructed",
-        " /diagnostics",
-    ] {
+    for topic in [" /right/encoded", " /right/neurodata_reconstructed", " /diagnostics"] {
         assert!(info.contains(topic), "no {topic} in {info}");
     }
 }
@@ -132,18 +105,10 @@ fn roslaunch_starts_the_bridge_with_its_arguments_in_a_namespace() {
 /// Starts corticode-node by its launch file, and checks that it encodes the EEG frames of `topic`.
 fn assert_node_encodes(workspace: &CatkinWorkspace, ros: &Ros<'_>, folder: &Path, topic: &str) {
     let input = format!("input:={topic}");
-    let launched = launch(
-        workspace,
-        ros,
-        folder,
-        &["node.launch", &input, "mains:=60"],
-    );
+    let launched = launch(workspace, ros, folder, &["node.launch", &input, "mains:=60"]);
     wait_for_frames(workspace, ros, folder, "/encoded");
     let info = workspace.tool(ros, "devel", "rosservice call /corticode/get_info");
-    assert!(
-        info.contains("corticode-node") && info.contains("60 Hz"),
-        "{info}"
-    );
+    assert!(info.contains("corticode-node") && info.contains("60 Hz"), "{info}");
     let ended = launched.stop(Signal::INT, EXIT_TIMEOUT);
     assert!(ended.success(), "roslaunch on SIGINT: {ended}");
 }
@@ -161,11 +126,7 @@ fn a_build_without_the_program_says_where_to_get_it() {
     let refused = workspace.make(&ros, None, &[missing]);
     let errors = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert!(!refused.status.success(), "{errors}");
-    for words in [
-        "/no/such/corticode-bridge",
-        "Debian package",
-        "cargo install",
-    ] {
+    for words in ["/no/such/corticode-bridge", "Debian package", "cargo install"] {
         assert!(errors.contains(words), "no {words:?} in {errors}");
     }
 }
@@ -182,25 +143,15 @@ fn assert_every_option_is_an_argument(workspace: &CatkinWorkspace, ros: &Ros<'_>
     let known = known.lines().next().expect("one line");
     let mut expected: BTreeSet<&str> = known.split(", ").collect();
     for name in NOT_ARGUMENTS {
-        assert!(
-            expected.remove(name),
-            "{name} is no parameter of the bridge: {known}"
-        );
+        assert!(expected.remove(name), "{name} is no parameter of the bridge: {known}");
     }
-    let listed = workspace.tool(
-        ros,
-        "devel",
-        "roslaunch --ros-args corticode corticode.launch",
-    );
+    let listed = workspace.tool(ros, "devel", "roslaunch --ros-args corticode corticode.launch");
     let arguments: BTreeSet<&str> = listed
         .lines()
         .filter_map(|line| line.strip_prefix("  ")?.split([' ', ':']).next())
         .collect();
     let missing: Vec<_> = expected.difference(&arguments).collect();
-    assert!(
-        missing.is_empty(),
-        "corticode.launch lacks {missing:?}:\n{listed}"
-    );
+    assert!(missing.is_empty(), "corticode.launch lacks {missing:?}:\n{listed}");
 }
 
 /// Returns a package `rosneuro_msgs` that stands for ROS-Neuro's own: it has the project's
@@ -252,11 +203,7 @@ fn wait_for_frames(workspace: &CatkinWorkspace, ros: &Ros<'_>, folder: &Path, to
     let mut echo = Process::start("echo", &mut echo, folder).expect("rostopic starts");
     let ended = echo.wait(TIMEOUT);
     let frame = echo.output();
-    assert!(
-        ended.success() && frame.contains("nchannels: "),
-        "{}",
-        echo.log()
-    );
+    assert!(ended.success() && frame.contains("nchannels: "), "{}", echo.log());
 }
 
 fn bag_in(folder: &Path) -> PathBuf {

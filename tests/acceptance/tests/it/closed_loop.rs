@@ -12,12 +12,7 @@ fn cues_of_a_held_out_recording_are_decided_as_offline() {
     };
     let folder = programs().bridge.parent();
     assert_eq!(folder, trainer.parent(), "all programs are in one folder");
-    let options = Options {
-        own: None,
-        mains: Mains::Hz50,
-        seed: 1,
-        fast: true,
-    };
+    let options = Options { own: None, mains: Mains::Hz50, seed: 1, fast: true };
     let pictures = tempfile::tempdir().expect("a folder");
     let outcome = run(&options, folder.expect("a folder"), Some(pictures.path()));
     let outcome = outcome.unwrap_or_else(|failure| panic!("{}", failure.message));
@@ -25,10 +20,6 @@ fn cues_of_a_held_out_recording_are_decided_as_offline() {
     // Guesses would be right in 10 or more of 12 trials in one of 52 runs.
     let [right, decided] = outcome.right_and_decided();
     assert!(right >= 10 && decided == 12, "{outcome}");
-    assert_eq!(
-        [outcome.received.len(), outcome.equal],
-        [640, 640],
-        "{outcome}"
-    );
+    assert_eq!([outcome.received.len(), outcome.equal], [640, 640], "{outcome}");
     assert!(pictures.path().join("loop.svg").exists());
 }

@@ -91,9 +91,7 @@ fn the_package_starts_in_a_clean_debian_and_purge_leaves_nothing() {
     assert!(version.starts_with("corticode-node "), "{version}");
 
     let unit = debian.succeed("cat /lib/systemd/system/corticode-bridge.service");
-    let start = unit
-        .lines()
-        .find_map(|line| line.strip_prefix("ExecStart="));
+    let start = unit.lines().find_map(|line| line.strip_prefix("ExecStart="));
     let start = start.expect("a command in the unit");
     debian.succeed("sed -i 's/^#mains/mains/' /etc/corticode/bridge.toml");
     let stopped = format!("timeout --preserve-status --signal=TERM 8 {start} 2>&1");
@@ -114,10 +112,7 @@ fn the_package_starts_in_a_clean_debian_and_purge_leaves_nothing() {
     let after = debian.files();
     let left: Vec<_> = after.difference(&before).collect();
     let gone: Vec<_> = before.difference(&after).collect();
-    assert!(
-        left.is_empty() && gone.is_empty(),
-        "left {left:?}, also removed {gone:?}"
-    );
+    assert!(left.is_empty() && gone.is_empty(), "left {left:?}, also removed {gone:?}");
 }
 
 #[test]
@@ -168,11 +163,7 @@ fn the_service_streams_under_systemd_and_stays_failed_after_wrong_usage() {
     machine.wait(Duration::from_mins(2));
     let result = fs::read_to_string(debian.root.join("result")).unwrap_or_default();
     for line in OBSERVED {
-        assert!(
-            result.contains(line),
-            "no {line:?} in {result}\n{}",
-            machine.log()
-        );
+        assert!(result.contains(line), "no {line:?} in {result}\n{}", machine.log());
     }
     let user = result.lines().find_map(|line| line.strip_prefix("user="));
     let user: u32 = user.and_then(|user| user.parse().ok()).expect(&result);
@@ -188,11 +179,7 @@ fn pack() -> PathBuf {
     let errors = String::from_utf8_lossy(&packed.stderr);
     assert!(packed.status.success(), "{errors}");
     let lines = String::from_utf8_lossy(&packed.stdout).into_owned();
-    lines
-        .lines()
-        .next_back()
-        .expect("the package's path")
-        .into()
+    lines.lines().next_back().expect("the package's path").into()
 }
 
 /// An unpacked Debian 12 with the essential packages and those that a test asks for.
@@ -221,10 +208,7 @@ impl CleanDebian {
             let fetched = fetched.map_err(|_| "`apt-get install mmdebstrap`")?;
             if !fetched.status.success() {
                 let errors = String::from_utf8_lossy(&fetched.stderr);
-                skipped(
-                    "Debian package in a clean Debian",
-                    format!("mmdebstrap: {errors}"),
-                );
+                skipped("Debian package in a clean Debian", format!("mmdebstrap: {errors}"));
                 return Ok(None);
             }
             fs::rename(part, &archive).expect("a writable folder");
@@ -233,25 +217,16 @@ impl CleanDebian {
         let root = folder.path().to_owned();
         let mut tar = Command::new("tar");
         tar.arg("--extract").arg("--file").arg(archive);
-        let unpacked = tar
-            .arg("--directory")
-            .arg(&root)
-            .output()
-            .expect("tar starts");
+        let unpacked = tar.arg("--directory").arg(&root).output().expect("tar starts");
         let errors = String::from_utf8_lossy(&unpacked.stderr);
         assert!(unpacked.status.success(), "{errors}");
-        Ok(Some(Self {
-            root,
-            _folder: folder,
-        }))
+        Ok(Some(Self { root, _folder: folder }))
     }
 
     fn run(&self, words: &str) -> Output {
         let mut chroot = Command::new("chroot");
         chroot.arg(&self.root).args(["/bin/sh", "-ec", words]);
-        chroot
-            .env_clear()
-            .env("PATH", "/usr/sbin:/usr/bin:/sbin:/bin");
+        chroot.env_clear().env("PATH", "/usr/sbin:/usr/bin:/sbin:/bin");
         chroot.output().expect("chroot starts")
     }
 

@@ -31,24 +31,12 @@ const TOLERANCE: f64 = 1e-5;
 /// Networks with other sizes than the paper's: one row of electrodes, and the largest grid.
 const SIZES: [(Size, Padding, [usize; 3]); 2] = [
     (
-        Size {
-            grid: [1, 8],
-            electrodes: 8,
-            steps: 32,
-            hop: 8,
-            numbers: 16,
-        },
+        Size { grid: [1, 8], electrodes: 8, steps: 32, hop: 8, numbers: 16 },
         Padding::Space,
         [2, 1, 2],
     ),
     (
-        Size {
-            grid: [12, 12],
-            electrodes: 64,
-            steps: 16,
-            hop: 4,
-            numbers: 256,
-        },
+        Size { grid: [12, 12], electrodes: 64, steps: 16, hop: 4, numbers: 256 },
         Padding::None,
         [2, 2, 2],
     ),
@@ -87,9 +75,7 @@ fn compare(artifact: &Artifact) -> f64 {
     artifact.write(folder).expect("a folder to write to");
     let numbers = artifact.description.code.numbers;
     let count = u16::try_from(CODES * numbers).expect("few numbers");
-    let z: Vec<f32> = (0..count)
-        .map(|k| 3.0 * (f32::from(k) * 0.7).sin())
-        .collect();
+    let z: Vec<f32> = (0..count).map(|k| 3.0 * (f32::from(k) * 0.7).sin()).collect();
     let bytes: Vec<u8> = z.iter().flat_map(|z| z.to_le_bytes()).collect();
     fs::write(folder.join("z.f32"), bytes).expect("the folder is writable");
     let script = folder.join("decoding.py");
@@ -100,10 +86,7 @@ fn compare(artifact: &Artifact) -> f64 {
     let theirs: Vec<f64> = theirs.collect();
 
     let decoder = WindowDecoder::new(artifact).expect("a decoder");
-    let ours: Vec<f32> = z
-        .chunks_exact(numbers)
-        .flat_map(|z| decoder.decode(z))
-        .collect();
+    let ours: Vec<f32> = z.chunks_exact(numbers).flat_map(|z| decoder.decode(z)).collect();
     assert_eq!(ours.len(), theirs.len());
     let largest = theirs.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     assert!(largest > 1.0, "{largest} uV");

@@ -29,9 +29,7 @@ fn streaming_equals_batch_on_every_window_of_a_recording() {
         let step = acquisition.process_sample(&sample);
         codes.extend(step.and_then(|step| encoder.encode_step(&step)));
         planes.extend(
-            front_end
-                .filter_sample(&sample)
-                .map(|(electrodes, _)| quantise(&electrodes).0),
+            front_end.filter_sample(&sample).map(|(electrodes, _)| quantise(&electrodes).0),
         );
     }
     assert_eq!(codes.len(), 1 + (planes.len() - STEPS) / model::HOP);
@@ -41,13 +39,7 @@ fn streaming_equals_batch_on_every_window_of_a_recording() {
     // 125 s of EEG give about 2,000 codes. Most must differ from the code before them: equal codes
     // would agree even if both encoders gave a constant or clipped every value.
     assert!(codes.len() > 1900);
-    assert!(
-        codes
-            .windows(2)
-            .filter(|pair| pair[0].values != pair[1].values)
-            .count()
-            > 1800
-    );
+    assert!(codes.windows(2).filter(|pair| pair[0].values != pair[1].values).count() > 1800);
 }
 
 fn different(batch: &IntegerModel, planes: &[Plane], codes: &[Code]) -> usize {

@@ -16,11 +16,7 @@ use crate::inputs::{self, recorded, synthetic};
 const WINDOWS: usize = 1_000;
 
 /// Formats of the compared codes; the network with seed n uses the format at index n modulo 3.
-const FORMATS: [CodeFormat; 3] = [
-    CodeFormat::Int8,
-    CodeFormat::Int8Exponent,
-    CodeFormat::Int16,
-];
+const FORMATS: [CodeFormat; 3] = [CodeFormat::Int8, CodeFormat::Int8Exponent, CodeFormat::Int16];
 
 #[test]
 fn numpy_computes_the_codes_of_the_streaming_encoder() {
@@ -58,9 +54,7 @@ fn numpy_computes_the_codes_of_the_reference_for_every_variant() {
         artifact.description.code.format = FORMATS[seed as usize % FORMATS.len()];
         let model = model_gen::quantise(&artifact).expect("an integer model");
         let windows = any_model::windows(seed, &artifact, 2);
-        let quiet = windows
-            .iter()
-            .map(|window| any_model::quantised(&artifact, &model, window));
+        let quiet = windows.iter().map(|window| any_model::quantised(&artifact, &model, window));
         // A window of cells at both ends of the input's range drives activations and codes to the
         // ends of their ranges.
         let dimensions = &model.geometry.dimensions;
@@ -70,24 +64,14 @@ fn numpy_computes_the_codes_of_the_reference_for_every_variant() {
         let windows: Vec<Vec<i8>> = quiet.chain([rails]).collect();
         let theirs = numpy_reference::integer_codes(&model, windows.iter().map(Vec::as_slice));
         let ours: Vec<IntegerCode> = windows.iter().map(|w| model.encode_window(w)).collect();
-        assert_eq!(
-            ours,
-            theirs.expect("numpy's codes"),
-            "{mode:?}, {padding:?}, {pool:?}"
-        );
+        assert_eq!(ours, theirs.expect("numpy's codes"), "{mode:?}, {padding:?}, {pool:?}");
         let [least, greatest] = model.code_format.range();
         let values = ours[0].values.iter();
         let inside = values.filter(|q| (least + 1..greatest).contains(q)).count();
-        assert!(
-            inside > 100,
-            "{mode:?}, {padding:?}, {pool:?}: {inside} of 128 within range"
-        );
+        assert!(inside > 100, "{mode:?}, {padding:?}, {pool:?}: {inside} of 128 within range");
         let values = ours[0].values.iter();
         let alive = values.filter(|q| q.unsigned_abs() > 10).count();
-        assert!(
-            alive > 32,
-            "{mode:?}, {padding:?}, {pool:?}: {alive} of 128 beyond 10"
-        );
+        assert!(alive > 32, "{mode:?}, {padding:?}, {pool:?}: {alive} of 128 beyond 10");
     }
 }
 
@@ -121,10 +105,7 @@ fn acquired(mains: Mains, samples: impl Iterator<Item = Sample>, steps: usize) -
 
 fn streamed(planes: &[Plane]) -> Vec<IntegerCode> {
     let mut encoder = Encoder::new();
-    let steps = planes.iter().map(|&plane| Step {
-        plane,
-        ..Step::default()
-    });
+    let steps = planes.iter().map(|&plane| Step { plane, ..Step::default() });
     steps
         .filter_map(|step| encoder.encode_step(&step))
         .map(|code| IntegerCode {

@@ -40,9 +40,8 @@ fn filtered_eeg_equals_scipys_within_the_adcs_rounding() {
     assert_eq!(electrodes.len(), model::ELECTRODES);
     let samples = real_data::samples(&recording, &electrodes);
     let mut front_end = FrontEnd::new(Mains::Hz50, &model::RESAMPLER);
-    let filtered: Vec<_> = samples
-        .filter_map(|sample| Some(front_end.filter_sample(&sample)?.0))
-        .collect();
+    let filtered: Vec<_> =
+        samples.filter_map(|sample| Some(front_end.filter_sample(&sample)?.0)).collect();
     assert_eq!(filtered.len(), 240 * 16);
 
     let uv_per_level = f64::from(model::LSB_NV) / 1000.0 / LEVELS_PER_COUNT;

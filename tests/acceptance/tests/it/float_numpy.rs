@@ -41,21 +41,14 @@ fn numpy_computes_the_float_codes_and_windows_of_every_variant() {
         assert_eq!(theirs.len(), WINDOWS * dimensions.numbers, "{what}");
         if mode == Mode::Paper {
             let refusal = FloatDecoder::new(&artifact);
-            assert!(
-                matches!(refusal, Err(ArtifactError::NotDecodable)),
-                "{what}"
-            );
+            assert!(matches!(refusal, Err(ArtifactError::NotDecodable)), "{what}");
             continue;
         }
         let decoder = FloatDecoder::new(&artifact).expect("a decoder");
         let decoded: Vec<f32> = codes.iter().flat_map(|z| decoder.decode(z)).collect();
         let theirs = numbers_of(&folder.join("windows.f64"));
         worst = worst.max(difference(&decoded, &theirs, &what));
-        assert_eq!(
-            theirs.len(),
-            WINDOWS * dimensions.window_electrodes(),
-            "{what}"
-        );
+        assert_eq!(theirs.len(), WINDOWS * dimensions.window_electrodes(), "{what}");
     }
     println!("largest difference {worst:.1e} of the largest magnitude");
 }

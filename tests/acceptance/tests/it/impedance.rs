@@ -42,23 +42,12 @@ fn the_impedances_of_a_board_are_shown_as_table_json_and_picture() {
     let (_board, port) = board(folder);
     let picture = folder.join("head.svg");
     let picture_text = picture.to_str().expect("text");
-    let arguments = [
-        "impedance",
-        "--port",
-        &port,
-        "--measurements=2",
-        "--picture",
-        picture_text,
-    ];
+    let arguments = ["impedance", "--port", &port, "--measurements=2", "--picture", picture_text];
     let mut table = bridge(folder, "table", &arguments);
     assert!(table.wait(SLACK).success(), "{}", table.log());
     let text = table.output();
     assert!(text.contains("Pz   open"), "{text}");
-    assert!(
-        fs::read_to_string(&picture)
-            .expect("a picture")
-            .contains("Pz open")
-    );
+    assert!(fs::read_to_string(&picture).expect("a picture").contains("Pz open"));
     // An existing picture is refused before anything is measured.
     let mut refused = bridge(folder, "refused", &arguments);
     assert_eq!(refused.wait(SLACK).code(), Some(2), "{}", refused.log());
@@ -81,9 +70,7 @@ fn impedances_are_on_diagnostics_while_codes_stream() {
     let folder = folder.path();
     let (board, port) = board(folder);
     let mut printing = printing::print(folder, &port, &["--impedance"]);
-    printing.wait_until("an impedance", SLACK, |bridge| {
-        status(&bridge.output()).is_some()
-    });
+    printing.wait_until("an impedance", SLACK, |bridge| status(&bridge.output()).is_some());
     let [lines, log] = printing::stop(printing, folder);
     assert_named(&status(&lines).expect("a status"));
     assert!(printing::messages(&lines, "/encoded").count() > 0, "{log}");

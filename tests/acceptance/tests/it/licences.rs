@@ -8,10 +8,7 @@ use emulator::skip::skipped;
 use spdx::{Expression, LicenseReq, ParseMode};
 
 /// How licence expressions are parsed: as SPDX, but with `/` for `OR`, as in old manifests.
-const MODE: ParseMode = ParseMode {
-    allow_slash_as_or_operator: true,
-    ..ParseMode::STRICT
-};
+const MODE: ParseMode = ParseMode { allow_slash_as_or_operator: true, ..ParseMode::STRICT };
 
 /// Folders of the two workspaces that have a deny.toml: the main workspace, and the virtual boards'
 /// workspace, on which only tests depend.
@@ -40,15 +37,9 @@ fn every_allowed_licence_is_needed() {
         let allowed = allowed(workspace);
         let dependencies = dependencies(workspace);
         for name in &allowed {
-            let without = allowed
-                .iter()
-                .filter(|other| *other != name)
-                .cloned()
-                .collect();
+            let without = allowed.iter().filter(|other| *other != name).cloned().collect();
             assert!(
-                dependencies
-                    .values()
-                    .any(|licence| !accepts(&without, licence)),
+                dependencies.values().any(|licence| !accepts(&without, licence)),
                 "{workspace}/deny.toml allows {name}, and nothing needs it: take it off the list"
             );
         }
@@ -72,9 +63,7 @@ fn allowed(workspace: &str) -> BTreeSet<String> {
     let text = fs::read_to_string(file).expect("deny.toml");
     let table: toml::Table = text.parse().expect("deny.toml is TOML");
     let list = table["licenses"]["allow"].as_array().expect("a list");
-    list.iter()
-        .map(|name| name.as_str().expect("a licence").to_owned())
-        .collect()
+    list.iter().map(|name| name.as_str().expect("a licence").to_owned()).collect()
 }
 
 /// Returns the licence expression of every package that a target, build script or test of the
@@ -95,11 +84,7 @@ fn dependencies(workspace: &str) -> BTreeMap<String, String> {
         .filter_map(|line| line.split_once('|'))
         .map(|(package, licence)| (package.to_owned(), licence.to_owned()))
         .collect();
-    assert!(
-        packages.len() > 50,
-        "cargo tree listed only {} packages",
-        packages.len()
-    );
+    assert!(packages.len() > 50, "cargo tree listed only {} packages", packages.len());
     packages
 }
 

@@ -23,10 +23,7 @@ const MARKER: u64 = 0x7f05;
 
 /// Result of a self-test of 64 channels, of which the sixth is too loud.
 fn result() -> SelfTest {
-    let chip = ChipTest {
-        id: 0x3E,
-        ..ChipTest::default()
-    };
+    let chip = ChipTest { id: 0x3E, ..ChipTest::default() };
     let mut channels = [ChannelTest {
         gain_error: 0.002,
         offset_uv: 41.5,
@@ -133,9 +130,7 @@ fn a_session_is_recorded_marked_and_tested_from_the_page() {
     browser.wait_for_text("#markers li span", "eyes closed");
     let has_marker =
         |event: Value| event["event"] == MARKER && event["description"] == "eyes closed";
-    wait_for("the event", || {
-        messages(&bridge.output(), "/events/bus").any(has_marker)
-    });
+    wait_for("the event", || messages(&bridge.output(), "/events/bus").any(has_marker));
 
     browser.type_keys("#marker-text", "eyes open, relaxed\n");
     browser.wait_for_text("#markers li span", "eyes open, relaxed");
@@ -167,11 +162,7 @@ fn a_session_is_recorded_marked_and_tested_from_the_page() {
     let rows = browser.run(rows);
     let rows = rows.as_array().expect("rows");
     assert_eq!(rows.len(), 64);
-    assert!(
-        rows[5]
-            .as_str()
-            .is_some_and(|row| row.contains("3.50") && row.contains("too loud"))
-    );
+    assert!(rows[5].as_str().is_some_and(|row| row.contains("3.50") && row.contains("too loud")));
     press(&browser, "start");
     browser.wait_for_text("#answer", "the device streams");
     browser.wait_for_text("#state", "streaming");
@@ -210,15 +201,10 @@ fn marker_is_converted(folder: &Path, file: &Path) {
     for stream in ["codes", "reconstructed", "raw", "filtered"] {
         let table = file.with_extension(format!("{stream}.csv"));
         let text = fs::read_to_string(table).expect("a table");
-        let rows: Vec<Vec<&str>> = text
-            .lines()
-            .skip(1)
-            .map(|row| row.split(',').collect())
-            .collect();
+        let rows: Vec<Vec<&str>> =
+            text.lines().skip(1).map(|row| row.split(',').collect()).collect();
         let marker = MARKER.to_string();
-        let marked = rows
-            .iter()
-            .filter(|row| row[3].split(';').any(|code| code == marker));
+        let marked = rows.iter().filter(|row| row[3].split(';').any(|code| code == marker));
         assert_eq!(marked.count(), 2, "rows with markers in {stream}");
         let is_filler =
             |row: &&Vec<&str>| row[4].parse::<u32>().is_ok_and(|flags| flags & 0x8000 != 0);

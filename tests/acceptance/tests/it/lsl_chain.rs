@@ -67,9 +67,7 @@ fn rows(lines: &str, topic: &str, rate_hz: f64) -> Vec<Row> {
     let numbers = |block: &Value| -> Vec<f32> {
         let values = block["data"].as_array().into_iter().flatten();
         #[expect(clippy::cast_possible_truncation, reason = "printed from a float32")]
-        values
-            .map(|value| value.as_f64().expect("a number") as f32)
-            .collect()
+        values.map(|value| value.as_f64().expect("a number") as f32).collect()
     };
     let frames = messages(lines, topic).map(|frame| {
         let stamp = &frame["header"]["stamp"];
@@ -106,19 +104,12 @@ fn check_signal(
     let described = &recorded["streams"][stream];
     assert_eq!(described["rate"], rate_hz, "{stream}");
     let sent = rows(lines, topic, rate_hz);
-    let LslSignal {
-        times,
-        values,
-        channels,
-    } = recording.signal(stream);
+    let LslSignal { times, values, channels } = recording.signal(stream);
 
     // Find the first recorded sample by its time and values; from there on, none may be missing.
     let offset_s = recorded["wall_minus_lsl"].as_f64().expect("a number");
     let correction_s = described["corrections"][0].as_f64().expect("a number");
-    assert!(
-        correction_s.abs() < TOLERANCE_S,
-        "{correction_s} s on one machine"
-    );
+    assert!(correction_s.abs() < TOLERANCE_S, "{correction_s} s on one machine");
     // Do not apply the correction: both programs use one clock, so it is only a measurement error.
     let wall_s = |time: f64| time + offset_s;
     let near = |row: &Row| {
@@ -127,11 +118,7 @@ fn check_signal(
     };
     let first = sent.iter().position(near).expect("the first sample");
     let sent = &sent[first..];
-    assert_eq!(
-        times.len(),
-        sent.len(),
-        "{stream}: samples since the first one"
-    );
+    assert_eq!(times.len(), sent.len(), "{stream}: samples since the first one");
     let mut worst_s: f64 = 0.0;
     for ((row, time), values) in sent.iter().zip(&times).zip(values.chunks(channels)) {
         assert_eq!(row.values, values, "{stream} at {time}");
@@ -155,18 +142,12 @@ fn check_channels(described: &Value) {
         assert_eq!(channel["unit"], "microvolts");
         assert_eq!(channel["type"], "EEG");
         let axis = |name| channel["location"][name].as_f64().expect("millimetres");
-        let radius = ["X", "Y", "Z"]
-            .map(axis)
-            .map(|mm| mm * mm)
-            .iter()
-            .sum::<f64>();
+        let radius = ["X", "Y", "Z"].map(axis).map(|mm| mm * mm).iter().sum::<f64>();
         assert!((radius.sqrt() - 95.0).abs() < 0.1, "{label}: {radius}");
     }
     let axis = |label: &str, name: &str| {
         let channel = channels.iter().find(|channel| channel["label"] == label);
-        channel.expect("an electrode")["location"][name]
-            .as_f64()
-            .expect("mm")
+        channel.expect("an electrode")["location"][name].as_f64().expect("mm")
     };
     // X is positive to the right, Y to the front and Z to the top.
     assert!(axis("C4", "X") > 40.0 && axis("C3", "X") < -40.0);
@@ -201,11 +182,7 @@ fn check_file(recorded: &Value, name: &str, lines: &str) -> usize {
                 let time = mark[0].as_f64().expect("a time") + offset_s;
                 mark[1] == text && (time - row.wall_s).abs() < TOLERANCE_S
             };
-            assert!(
-                marks.iter().any(|mark| at(&mark)),
-                "{text} at {}: {marks:?}",
-                row.wall_s
-            );
+            assert!(marks.iter().any(|mark| at(&mark)), "{text} at {}: {marks:?}", row.wall_s);
             checked += 1;
         }
     }
@@ -240,9 +217,7 @@ fn every_sample_is_received_at_its_time_also_after_a_restart_of_the_board() {
     stuck.wait_until("a subscription", SLACK, |stuck| !stuck.output().is_empty());
     // Stop this subscriber, so that nothing takes its samples from its socket.
     stuck.signal(Signal::STOP);
-    recorder.wait_until("all streams", SLACK, |recorder| {
-        !recorder.output().is_empty()
-    });
+    recorder.wait_until("all streams", SLACK, |recorder| !recorder.output().is_empty());
     assert!(first.wait(SLACK).success(), "{}", first.log());
     // The second board's clock is fast, and the bridge fills the time between the two boards.
     let mut second = start(1, &["--clock-ppm=300"]);
@@ -260,37 +235,18 @@ fn every_sample_is_received_at_its_time_also_after_a_restart_of_the_board() {
     let recorded = &recording.described;
     for signal in SIGNALS {
         let (samples, worst_s) = check_signal(&recording, &lines, signal);
-        println!(
-            "{}: {samples} samples, times within {:.0} us",
-            signal.0,
-            worst_s * 1e6
-        );
-        assert!(
-            f64::from(samples) > 8.0 * signal.2,
-            "{}: {samples}",
-            signal.0
-        );
+        println!("{}: {samples} samples, times within {:.0} us", signal.0, worst_s * 1e6);
+        assert!(f64::from(samples) > 8.0 * signal.2, "{}: {samples}", signal.0);
     }
     for stream in ["raw", "filtered", "reconstructed"] {
         check_channels(&recorded["streams"][stream]);
     }
     let codes = &recorded["streams"]["codes"];
-    assert_eq!(
-        codes["channels"].as_array().map(Vec::len),
-        Some(model::CODE)
-    );
-    let serial = recorded["streams"]["raw"]["serial"]
-        .as_str()
-        .expect("a number");
-    assert_eq!(
-        recorded["streams"]["raw"]["source_id"],
-        format!("{name}:{serial}:raw")
-    );
+    assert_eq!(codes["channels"].as_array().map(Vec::len), Some(model::CODE));
+    let serial = recorded["streams"]["raw"]["serial"].as_str().expect("a number");
+    assert_eq!(recorded["streams"]["raw"]["source_id"], format!("{name}:{serial}:raw"));
     assert_eq!(recorded["streams"]["raw"]["lag_s"], 0.0);
-    assert!(
-        check_file(recorded, &name, &lines) >= 8,
-        "marks of one gap in four streams"
-    );
+    assert!(check_file(recorded, &name, &lines) >= 8, "marks of one gap in four streams");
 }
 
 #[test]
@@ -314,23 +270,14 @@ fn the_streams_of_two_bridges_are_both_found() {
     // Each bridge has four streams: codes, reconstructed samples, raw samples and events.
     let mut found = python(&interpreter, folder, "lsl_find", &[&name, "8"]);
     assert!(found.wait(SLACK).success(), "{}", found.log());
-    let found: Vec<Value> = found
-        .output()
-        .lines()
-        .map(|line| serde_json::from_str(line).expect("JSON"))
-        .collect();
+    let found: Vec<Value> =
+        found.output().lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
     assert_eq!(found.len(), 8, "{found:?}");
     for side in ["left", "right"] {
         let of_side = format!("{name}{side}-raw");
-        assert!(
-            found.iter().any(|stream| stream["name"] == of_side),
-            "{found:?}"
-        );
+        assert!(found.iter().any(|stream| stream["name"] == of_side), "{found:?}");
     }
-    let mut sources: Vec<&str> = found
-        .iter()
-        .filter_map(|of| of["source_id"].as_str())
-        .collect();
+    let mut sources: Vec<&str> = found.iter().filter_map(|of| of["source_id"].as_str()).collect();
     sources.sort_unstable();
     sources.dedup();
     assert_eq!(sources.len(), 8, "{sources:?}");
@@ -345,10 +292,7 @@ fn a_stream_of_another_shape_replaces_the_old_one() {
     let folder = tempfile::tempdir().expect("a folder");
     let library = Library::load(Some(&liblsl(&interpreter))).expect("liblsl");
     let name = unique("shape");
-    let options = LslOptions {
-        name: name.clone(),
-        stamp: StampPoint::First,
-    };
+    let options = LslOptions { name: name.clone(), stamp: StampPoint::First };
     let lsl = Lsl::start(library, options).expect("a thread");
     let mut sink = lsl.frames(StreamKind::Raw, 100);
     for channels in [2, 3, 2] {
@@ -397,28 +341,15 @@ fn without_liblsl_the_error_has_the_remedy() {
             .env_remove("PYLSL_LIB");
         let output = bridge.output().expect("the bridge starts");
         let text = [output.stdout, output.stderr].concat();
-        (
-            output.status.code(),
-            String::from_utf8_lossy(&text).into_owned(),
-        )
+        (output.status.code(), String::from_utf8_lossy(&text).into_owned())
     };
     let (status, text) = run(&["--sink=lsl", "--port=tcp:127.0.0.1:9"]);
     assert_eq!(status, Some(2), "{text}");
-    assert!(
-        text.contains("liblsl") && text.contains("pip install pylsl"),
-        "{text}"
-    );
-    let (status, text) = run(&[
-        "--sink=lsl",
-        "--liblsl=/no/such.so",
-        "--port=tcp:127.0.0.1:9",
-    ]);
+    assert!(text.contains("liblsl") && text.contains("pip install pylsl"), "{text}");
+    let (status, text) = run(&["--sink=lsl", "--liblsl=/no/such.so", "--port=tcp:127.0.0.1:9"]);
     assert_eq!(status, Some(2), "{text}");
     assert!(text.contains("/no/such.so cannot be loaded"), "{text}");
     let (status, text) = run(&["doctor", "--sink=lsl", "--port=tcp:127.0.0.1:9"]);
     assert_eq!(status, Some(1), "{text}");
-    assert!(
-        text.contains("lsl") && text.contains("pip install pylsl"),
-        "{text}"
-    );
+    assert!(text.contains("lsl") && text.contains("pip install pylsl"), "{text}");
 }

@@ -40,11 +40,7 @@ const MESSAGES: [(&str, &str); 9] = [
 fn no_message_to_the_user_has_debug_output() {
     let mut packages = workspace::packages("Cargo.toml").expect("cargo metadata");
     packages.retain(|package| CRATES.contains(&&package.name[..]));
-    assert_eq!(
-        packages.len(),
-        CRATES.len(),
-        "a crate of the list is missing"
-    );
+    assert_eq!(packages.len(), CRATES.len(), "a crate of the list is missing");
     let mut found = Vec::new();
     let mut messages = 0;
     for package in packages {

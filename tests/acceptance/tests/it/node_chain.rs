@@ -42,9 +42,7 @@ impl Eeg {
         let rate_hz = usize::from(model::ADC_RATE_HZ);
         let rows = synthetic(7).take(SECONDS * rate_hz);
         let values = rows.flat_map(|row| {
-            let uv = row
-                .counts
-                .map(|count| f64::from(count) * f64::from(model::LSB_NV) / 1000.0);
+            let uv = row.counts.map(|count| f64::from(count) * f64::from(model::LSB_NV) / 1000.0);
             #[expect(
                 clippy::cast_possible_truncation,
                 reason = "rounded to a NeuroFrame's float32"
@@ -53,22 +51,14 @@ impl Eeg {
             uv.into_iter().take(labels.len()).collect::<Vec<_>>()
         });
         let values = values.collect();
-        Eeg {
-            rate_hz,
-            labels,
-            values,
-        }
+        Eeg { rate_hz, labels, values }
     }
 
     /// Reads the samples of a recording's first [`SECONDS`] seconds.
     fn read(path: &Path) -> Eeg {
         let mut recording = Recording::open(path).expect("a recording");
         let rate = recording.signals()[0].rate.expect("samples").value();
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a whole rate"
-        )]
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a whole rate")]
         let rate_hz = rate.round() as usize;
         let labels = recording.labels().iter().map(ToString::to_string).collect();
         let mut columns = vec![Vec::new(); recording.signals().len()];
@@ -80,18 +70,11 @@ impl Eeg {
                 column.extend_from_slice(part);
             }
         }
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "rounded to a NeuroFrame's float32"
-        )]
+        #[expect(clippy::cast_possible_truncation, reason = "rounded to a NeuroFrame's float32")]
         let value = |(row, column): (usize, &Vec<f64>)| column[row] as f32;
         let rows = (0..SECONDS * rate_hz).flat_map(|row| columns.iter().map(move |c| (row, c)));
         let values = rows.map(value).collect();
-        Eeg {
-            rate_hz,
-            labels,
-            values,
-        }
+        Eeg { rate_hz, labels, values }
     }
 
     /// Returns the dequantised codes that host-sim computes from a recording of the samples.
@@ -105,11 +88,7 @@ impl Eeg {
         host_sim.args(["run", "--fast", "--input"]).arg(&recording);
         host_sim.arg(format!("--output=file:{}", codes.display()));
         let made = host_sim.output().expect("host-sim starts");
-        assert!(
-            made.status.success(),
-            "{}",
-            String::from_utf8_lossy(&made.stderr)
-        );
+        assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
         dequantised_codes(&fs::read(codes).expect("the codes"))
     }
 
@@ -211,19 +190,14 @@ async fn passes(eeg: &Eeg) {
         assert_eq!(&frame.eeg.data, code, "window {window}");
     }
     let info = ros.tool("rosservice", &["call", "/corticode/get_info"]);
-    assert!(
-        info.contains("corticode-node") && info.contains("nchannels: 128"),
-        "{info}"
-    );
+    assert!(info.contains("corticode-node") && info.contains("nchannels: 128"), "{info}");
     let log = node.errors();
     let exit = node.stop(Signal::INT, EXIT_TIMEOUT);
     assert!(exit.success(), "{exit}: {log}");
 }
 
 pub(crate) fn block_on(test: impl Future<Output = ()>) {
-    let runtime = tokio::runtime::Builder::new_multi_thread()
-        .enable_all()
-        .build();
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build();
     runtime.expect("a runtime").block_on(test);
 }
 
@@ -262,10 +236,7 @@ fn roscore_and_the_acquisition_can_start_again_and_the_services_stop_and_start()
         assert!(first.eeg.info.prefiltering.contains("60 Hz"), "{first:?}");
         ros.tool("rosservice", &["call", "/corticode/stop"]);
         tokio::time::sleep(Duration::from_secs(1)).await;
-        while tokio::time::timeout(Duration::from_millis(500), encoded.recv())
-            .await
-            .is_ok()
-        {}
+        while tokio::time::timeout(Duration::from_millis(500), encoded.recv()).await.is_ok() {}
         assert!(amplifier.is_running(), "frames still come");
         ros.tool("rosservice", &["call", "/corticode/start"]);
         next_frame(&mut encoded, &node).await;
@@ -282,12 +253,7 @@ fn roscore_and_the_acquisition_can_start_again_and_the_services_stop_and_start()
         {
         }
         let topics = ros.tool("rosnode", &["info", "/corticode"]);
-        for topic in [
-            "/neurodata ",
-            "/encoded ",
-            "/diagnostics ",
-            "/corticode/get_info",
-        ] {
+        for topic in ["/neurodata ", "/encoded ", "/diagnostics ", "/corticode/get_info"] {
             assert!(topics.contains(topic), "{topic}: {topics}");
         }
         let exit = node.stop(Signal::TERM, EXIT_TIMEOUT);

@@ -33,10 +33,7 @@ impl Eeg {
     /// Returns only the samples from `from` up to, not including, `to`.
     fn part(&self, from: usize, to: usize) -> Eeg {
         let channels = self.labels.len();
-        Eeg {
-            values: self.values[from * channels..to * channels].to_vec(),
-            ..self.clone()
-        }
+        Eeg { values: self.values[from * channels..to * channels].to_vec(), ..self.clone() }
     }
 
     fn samples(&self) -> usize {
@@ -48,8 +45,7 @@ impl Eeg {
         let channels = self.labels.len();
         let mut held = self.clone();
         for sample in from..to {
-            held.values
-                .copy_within((from - 1) * channels..from * channels, sample * channels);
+            held.values.copy_within((from - 1) * channels..from * channels, sample * channels);
         }
         held
     }
@@ -61,15 +57,9 @@ async fn last_values(diagnostics: &mut Subscriber) -> BTreeMap<String, BTreeMap<
     let wait = Duration::from_millis(100);
     while let Ok(Some(body)) = tokio::time::timeout(wait, diagnostics.recv()).await {
         let report = DiagnosticArray::from_bytes(&body).expect("a report");
-        let sources = report
-            .status
-            .into_iter()
-            .filter(|status| status.name.ends_with(": source"));
+        let sources = report.status.into_iter().filter(|status| status.name.ends_with(": source"));
         for status in sources {
-            let values = status
-                .values
-                .into_iter()
-                .map(|value| (value.key, value.value));
+            let values = status.values.into_iter().map(|value| (value.key, value.value));
             let values: BTreeMap<String, String> = values.collect();
             last.insert(values["topic"].clone(), values);
         }
@@ -96,26 +86,17 @@ fn codes_of_irregular_and_interrupted_streams_are_those_of_host_sim_bit_for_bit(
         let (_listener, mut diagnostics) = subscribe::<DiagnosticArray>(&ros, topic, node).await;
         let eeg = Eeg::synthetic();
         let halves = [eeg.part(0, HALF), eeg.part(HALF, 2 * HALF)];
-        let (omit, restart) = (
-            format!("omit={}:{}", GAP[0], GAP[1]),
-            format!("restart={RESTART}"),
-        );
+        let (omit, restart) = (format!("omit={}:{}", GAP[0], GAP[1]), format!("restart={RESTART}"));
         let start = |session: usize, eeg: &Eeg, option: &str| {
             let options = ["jitter=0.0005", "ppm=200", option];
             sessions[session].play(&interpreter, eeg, &options)
         };
-        let players = [
-            start(0, &eeg, "omit=0:0"),
-            start(1, &eeg, &omit),
-            start(2, &eeg, &restart),
-        ];
+        let players = [start(0, &eeg, "omit=0:0"), start(1, &eeg, &omit), start(2, &eeg, &restart)];
         let mut first_half = start(3, &halves[0], "omit=0:0");
         assert!(first_half.wait(TIMEOUT).success(), "{}", first_half.log());
         let second_half = start(3, &halves[1], "omit=0:0");
         let mut published = Vec::new();
-        for (session, player) in sessions
-            .into_iter()
-            .zip(players.into_iter().chain([second_half]))
+        for (session, player) in sessions.into_iter().zip(players.into_iter().chain([second_half]))
         {
             published.push(session.finish(player).await);
         }
@@ -175,9 +156,7 @@ fn expected(eeg: &Eeg) -> Vec<Vec<f32>> {
     // A GDF file holds whole seconds, so append zeros, and leave out their codes.
     let seconds = samples.div_ceil(eeg.rate_hz);
     let mut whole = eeg.clone();
-    whole
-        .values
-        .resize(seconds * eeg.rate_hz * eeg.labels.len(), 0.0);
+    whole.values.resize(seconds * eeg.rate_hz * eeg.labels.len(), 0.0);
     let mut codes = whole.codes_of_host_sim(folder.path());
     codes.truncate((samples / SAMPLES + 1).saturating_sub(HOPS));
     codes
@@ -199,10 +178,7 @@ fn check_restart(published: &Published, eeg: &Eeg) {
         assert_eq!(code, expected, "code {place}");
     }
     println!("restart: {} fillers", count_fillers(published));
-    for warning in [
-        "the acquisition started again",
-        "are not those of LSL's clock",
-    ] {
+    for warning in ["the acquisition started again", "are not those of LSL's clock"] {
         assert!(published.log.contains(warning), "{}", published.log);
     }
 }
@@ -243,11 +219,7 @@ fn check_fillers(published: &Published, first: usize, lost: usize, expected: &[V
     // missing ones, so one more window is affected.
     let missing = first + 1 - HOPS..first + lost + 1;
     for (window, (frame, code)) in published.frames.iter().zip(expected).enumerate() {
-        assert_eq!(
-            is_filler(frame),
-            missing.contains(&window),
-            "window {window}"
-        );
+        assert_eq!(is_filler(frame), missing.contains(&window), "window {window}");
         if !is_filler(frame) {
             assert_eq!(&frame.eeg.data, code, "window {window}");
         }
@@ -269,13 +241,7 @@ fn what_a_stream_needs_to_be_encoded_is_what_the_refusal_says() {
     let _players = ["left", "right"].map(|side| {
         let folder = folder.join(side);
         fs::create_dir(&folder).expect("a folder");
-        play(
-            &interpreter,
-            &folder,
-            &name,
-            &eeg,
-            &[&format!("source={name} {side}")],
-        )
+        play(&interpreter, &folder, &name, &eeg, &[&format!("source={name} {side}")])
     });
     let library = format!("--liblsl={}", liblsl(&interpreter).display());
     let until = |source: &str, more: &[&str], text: &str| {
@@ -287,19 +253,12 @@ fn what_a_stream_needs_to_be_encoded_is_what_the_refusal_says() {
         log
     };
     let log = until(&format!("lsl:{name}"), &[], "2 streams match; choose one: ");
-    let typed = log
-        .split("--source '")
-        .skip(1)
-        .filter_map(|rest| rest.split('\'').next());
+    let typed = log.split("--source '").skip(1).filter_map(|rest| rest.split('\'').next());
     let mut typed: Vec<&str> = typed.collect();
     typed.sort_unstable();
     let expected = ["left", "right"].map(|side| format!("lsl:source_id={name} {side}"));
     assert_eq!(typed, expected, "{log}");
-    let log = until(
-        typed[1],
-        &[],
-        "has the unit \"furlongs\"; state it with --source-unit ",
-    );
+    let log = until(typed[1], &[], "has the unit \"furlongs\"; state it with --source-unit ");
     assert!(log.contains("--source-unit microvolts"), "{log}");
     let encoding = format!("encoding {}", typed[1]);
     until(typed[1], &["--source-unit", "microvolts"], &encoding);

@@ -87,15 +87,9 @@ fn codes_are_those_of_run_and_microvolts_those_of_the_bridge() {
     let folder = folder.path();
     write_recording(&folder.join("in.gdf"));
     printed(folder, &["encode", "in.gdf", "encoded.codes"]);
-    printed(
-        folder,
-        &["run", "--input", "in.gdf", "--output", "file:run.codes"],
-    );
+    printed(folder, &["run", "--input", "in.gdf", "--output", "file:run.codes"]);
     let encoded = codes(&folder.join("encoded.codes"));
-    assert_eq!(
-        encoded.len(),
-        usize::try_from(SECONDS).expect("few") * 16 - 1
-    );
+    assert_eq!(encoded.len(), usize::try_from(SECONDS).expect("few") * 16 - 1);
     assert_eq!(encoded, codes(&folder.join("run.codes")));
 
     compare_with_the_bridge(folder, "in.gdf", "encoded.codes");
@@ -122,15 +116,8 @@ fn compare_with_the_bridge(folder: &Path, recording: &str, codes: &str) {
         .args(["convert", "wire.rec", "--to", "npz", "--force"])
         .output();
     let convert = convert.expect("convert starts");
-    assert!(
-        convert.status.success(),
-        "{}",
-        String::from_utf8_lossy(&convert.stderr)
-    );
-    printed(
-        folder,
-        &["decode", codes, "decoded.npz", "--to", "npz", "--force"],
-    );
+    assert!(convert.status.success(), "{}", String::from_utf8_lossy(&convert.stderr));
+    printed(folder, &["decode", codes, "decoded.npz", "--to", "npz", "--force"]);
     if !numpy_reference::available("microvolts of host-sim decode and of the bridge") {
         return;
     }
@@ -162,10 +149,7 @@ fn a_folder_is_encoded_and_decoded_although_one_file_is_no_recording() {
     let encode = host_sim(folder, &["encode", "in", "codes", "--jobs", "2"]);
     let text = String::from_utf8_lossy(&encode.stderr);
     assert_eq!(encode.status.code(), Some(2), "{text}");
-    assert!(
-        text.contains("in/broken.edf") && text.contains("1 of 3 files failed"),
-        "{text}"
-    );
+    assert!(text.contains("in/broken.edf") && text.contains("1 of 3 files failed"), "{text}");
     let made = ["codes/S1/a.gdf.codes", "codes/b.GDF.codes"].map(|name| folder.join(name));
     assert_eq!(codes(&made[0]), codes(&made[1]));
     assert!(!folder.join("codes/broken.edf.codes").exists());
@@ -173,67 +157,31 @@ fn a_folder_is_encoded_and_decoded_although_one_file_is_no_recording() {
     let again = host_sim(folder, &["encode", "in/b.GDF", "codes/b.GDF.codes"]);
     let text = String::from_utf8_lossy(&again.stderr);
     assert_eq!(again.status.code(), Some(2));
-    assert!(
-        text.contains("exists already") && text.contains("--force"),
-        "{text}"
-    );
+    assert!(text.contains("exists already") && text.contains("--force"), "{text}");
 
-    let arguments = [
-        "decode",
-        "codes",
-        "--to",
-        "edf",
-        "--original",
-        "in",
-        "--report",
-        "report",
-    ];
+    let arguments = ["decode", "codes", "--to", "edf", "--original", "in", "--report", "report"];
     let text = printed(folder, &arguments);
-    assert!(
-        text.contains("PRD") && text.contains("report/index.html"),
-        "{text}"
-    );
+    assert!(text.contains("PRD") && text.contains("report/index.html"), "{text}");
     let mut recording =
         Recording::open(folder.join("codes/S1/a.gdf.decoded.edf")).expect("an EDF file");
     assert_eq!(recording.events().expect("events").len(), 12);
     let page = fs::read_to_string(folder.join("report/index.html")).expect("a page");
     for name in ["S1/a.gdf", "b.GDF"] {
-        assert!(
-            page.contains(&format!("src=\"{name}/scalp.svg\"")),
-            "{name}"
-        );
+        assert!(page.contains(&format!("src=\"{name}/scalp.svg\"")), "{name}");
         assert!(folder.join("report").join(name).join("traces.svg").exists());
     }
 
-    let again = host_sim(
-        folder,
-        &[
-            "decode", "codes", "other", "--to", "csv", "--report", "report",
-        ],
-    );
+    let again =
+        host_sim(folder, &["decode", "codes", "other", "--to", "csv", "--report", "report"]);
     let text = String::from_utf8_lossy(&again.stderr);
     assert_eq!(again.status.code(), Some(2));
     assert!(text.contains("report/index.html exists already"), "{text}");
-    let one = [
-        "decode",
-        "codes",
-        "other",
-        "--to",
-        "csv",
-        "--original",
-        "in/b.GDF",
-    ];
+    let one = ["decode", "codes", "other", "--to", "csv", "--original", "in/b.GDF"];
     let one = host_sim(folder, &one);
     let text = String::from_utf8_lossy(&one.stderr);
     assert_eq!(one.status.code(), Some(2));
-    assert!(
-        text.contains("name the folder of their recordings"),
-        "{text}"
-    );
-    let full = host_sim(
-        folder,
-        &["decode", "codes/b.GDF.codes", "/dev/full", "--to", "csv"],
-    );
+    assert!(text.contains("name the folder of their recordings"), "{text}");
+    let full = host_sim(folder, &["decode", "codes/b.GDF.codes", "/dev/full", "--to", "csv"]);
     assert_eq!(full.status.code(), Some(1));
     let pipe = host_sim(folder, &["decode", "/dev/null", "x.csv", "--to", "csv"]);
     let text = String::from_utf8_lossy(&pipe.stderr);
@@ -244,16 +192,8 @@ fn a_folder_is_encoded_and_decoded_although_one_file_is_no_recording() {
     let text = String::from_utf8_lossy(&nothing.stderr);
     assert_eq!(nothing.status.code(), Some(2));
     assert!(text.contains("no file with the extension codes"), "{text}");
-    let absent = host_sim(
-        folder,
-        &[
-            "decode",
-            "codes/b.GDF.codes",
-            "/dev/full/x.csv",
-            "--to",
-            "csv",
-        ],
-    );
+    let absent =
+        host_sim(folder, &["decode", "codes/b.GDF.codes", "/dev/full/x.csv", "--to", "csv"]);
     assert_eq!(absent.status.code(), Some(2));
 }
 
@@ -264,23 +204,15 @@ fn ctrl_c_ends_encoding_without_a_file() {
     fs::create_dir_all(folder.join("in")).expect("a folder");
     write_recording(&folder.join("in/0.gdf"));
     for copy in 1..40 {
-        fs::hard_link(
-            folder.join("in/0.gdf"),
-            folder.join(format!("in/{copy}.gdf")),
-        )
-        .expect("a link");
+        fs::hard_link(folder.join("in/0.gdf"), folder.join(format!("in/{copy}.gdf")))
+            .expect("a link");
     }
     let mut command = Command::new(&programs().host_sim);
-    command
-        .current_dir(folder)
-        .args(["encode", "in", "out", "--jobs", "1"]);
+    command.current_dir(folder).args(["encode", "in", "out", "--jobs", "1"]);
     let child = command.stdin(Stdio::null()).stderr(Stdio::piped()).spawn();
     let mut child = child.expect("host-sim starts");
     while !folder.join("out/0.gdf.codes").exists() {
-        assert!(
-            child.try_wait().expect("a child").is_none(),
-            "it ended too early"
-        );
+        assert!(child.try_wait().expect("a child").is_none(), "it ended too early");
         std::thread::sleep(Duration::from_millis(5));
     }
     let id = rustix::process::Pid::from_child(&child);
@@ -293,10 +225,7 @@ fn ctrl_c_ends_encoding_without_a_file() {
     let names: Vec<PathBuf> = files.map(|file| file.expect("a file").path()).collect();
     assert!(names.len() < 40, "{} files", names.len());
     for name in names {
-        assert!(
-            name.display().to_string().ends_with(".gdf.codes"),
-            "{name:?}"
-        );
+        assert!(name.display().to_string().ends_with(".gdf.codes"), "{name:?}");
         assert_eq!(codes(&name).len(), 191);
     }
 }
@@ -313,56 +242,27 @@ fn real_recordings_of_three_formats_are_encoded_and_decoded() {
     fs::create_dir_all(folder.join("in")).expect("a folder");
     // An EDF file at 160 Hz from a cap with 10-10 names, and a GDF file at 512 Hz with the paper's
     // electrodes, of which 31 were recorded and the others interpolated.
-    for (name, source) in [
-        ("r11.edf", r11.clone()),
-        ("paper.gdf", data.join("derived/s001r04_61ch_512hz_i16.gdf")),
-    ] {
+    for (name, source) in
+        [("r11.edf", r11.clone()), ("paper.gdf", data.join("derived/s001r04_61ch_512hz_i16.gdf"))]
+    {
         fs::copy(source, folder.join("in").join(name)).expect("a copy");
     }
     printed(folder, &["encode", "in", "codes"]);
     // Encode the decoded file, a BDF file at 128 Hz with the model's electrodes, once more.
-    printed(
-        folder,
-        &[
-            "decode",
-            "codes/r11.edf.codes",
-            "in/again.bdf",
-            "--to",
-            "bdf",
-        ],
-    );
+    printed(folder, &["decode", "codes/r11.edf.codes", "in/again.bdf", "--to", "bdf"]);
     printed(folder, &["encode", "in/again.bdf", "codes/again.bdf.codes"]);
-    let arguments = [
-        "decode",
-        "codes",
-        "--to",
-        "gdf",
-        "--original",
-        "in",
-        "--report",
-        "report",
-    ];
+    let arguments = ["decode", "codes", "--to", "gdf", "--original", "in", "--report", "report"];
     let text = printed(folder, &arguments);
     let _ = std::io::stdout().write_all(text.as_bytes());
     // Limits of the PRD (RMS error in percent of the signal's RMS) over the measured electrodes, as
     // multiples of the model's own figure, which was measured on recordings like the EDF file.
-    let card = artifact()
-        .description
-        .training
-        .prd_percent
-        .expect("figures");
+    let card = artifact().description.training.prd_percent.expect("figures");
     for (name, ratio) in [("r11.edf", 1.2), ("again.bdf", 1.2), ("paper.gdf", 2.0)] {
         let limit = ratio * card.autoencoder_int8;
-        let line = text
-            .lines()
-            .find(|line| line.contains(&format!("/{name}.decoded")));
+        let line = text.lines().find(|line| line.contains(&format!("/{name}.decoded")));
         let line = line.expect("a line for each file");
         let (_, prd) = line.split_once("electrodes, ").expect("the PRD");
-        let prd: f64 = prd
-            .split(' ')
-            .next()
-            .and_then(|prd| prd.parse().ok())
-            .expect("a number");
+        let prd: f64 = prd.split(' ').next().and_then(|prd| prd.parse().ok()).expect("a number");
         println!("{name}: {prd} %, at most {limit} %");
         assert!(prd > 0.5 && prd < limit, "{name}: {prd} %");
     }

@@ -23,9 +23,7 @@ fn rospy_rosbag_and_rostopic_receive_every_code_at_the_programs_own_master() {
     assert!(topics.lines().any(|topic| topic == "/encoded"), "{topics}");
     let echo = chain.ros.tool("rostopic", &["echo", "-n1", "/encoded"]);
     assert!(echo.contains("nchannels: 128"), "{echo}");
-    let info = chain
-        .ros
-        .tool("rosservice", &["call", "/acquisition/get_info"]);
+    let info = chain.ros.tool("rosservice", &["call", "/acquisition/get_info"]);
     assert!(info.contains("result: True"), "{info}");
     chain.ros.tool("rosparam", &["set", "/lesson", "7"]);
     assert_eq!(chain.ros.tool("rosparam", &["get", "/lesson"]).trim(), "7");

@@ -39,10 +39,7 @@ fn blocks(excluded: u64) -> Vec<Vec<u8>> {
     let mut encoder = Box::new(PackedEncoder::new());
     encoder.set_rate(Rate::new(RATE).expect("a rate"));
     let mut substitution = Box::new(Substitution::NEW);
-    let policy = ExclusionPolicy {
-        always: excluded,
-        ..ExclusionPolicy::AUTOMATIC
-    };
+    let policy = ExclusionPolicy { always: excluded, ..ExclusionPolicy::AUTOMATIC };
     let samples = synthetic(7).take(SECONDS * usize::from(ADC_RATE_HZ));
     let steps = samples.filter_map(|sample| {
         substitution.observe_sample(&sample);
@@ -52,9 +49,8 @@ fn blocks(excluded: u64) -> Vec<Vec<u8>> {
         }
         Some(step)
     });
-    let blocks: Vec<Vec<u8>> = steps
-        .filter_map(|step| Some(encoder.encode_step(&step)?.bytes().to_vec()))
-        .collect();
+    let blocks: Vec<Vec<u8>> =
+        steps.filter_map(|step| Some(encoder.encode_step(&step)?.bytes().to_vec())).collect();
     assert_eq!(blocks.len(), BLOCKS);
     blocks
 }
@@ -66,11 +62,7 @@ fn decode(blocks: &[Option<&Vec<u8>>]) -> Vec<PackedBlock> {
     let rate = Rate::new(RATE).expect("a rate");
     let decoded = blocks.iter().map(|block| match block {
         Some(bytes) => decoder.decode(bytes, rate).expect("a block"),
-        None => PackedBlock {
-            microvolts: decoder.skip(),
-            smoothed: None,
-            is_sound: false,
-        },
+        None => PackedBlock { microvolts: decoder.skip(), smoothed: None, is_sound: false },
     });
     decoded.collect()
 }
@@ -103,10 +95,7 @@ fn printed(lines: &str) -> Vec<Frame> {
 /// Returns the counts of blocks and bits that the bridge must log if no block is lost.
 fn counts(blocks: &[Vec<u8>]) -> String {
     let bytes: usize = blocks.iter().map(Vec::len).sum();
-    format!(
-        "packed blocks: made {BLOCKS} received {BLOCKS} lost 0 fillers 0 bits {}",
-        8 * bytes
-    )
+    format!("packed blocks: made {BLOCKS} received {BLOCKS} lost 0 fillers 0 bits {}", 8 * bytes)
 }
 
 #[test]
@@ -125,9 +114,8 @@ fn packed_blocks_alone_reach_rospy_as_the_library_decodes_them() {
     assert!(board.wait(SLACK).success(), "{}", board.log());
     // The bridge publishes the last block only when another block or the end of the run comes.
     let due = BLOCKS - 1;
-    subscriber.wait_until("all frames", SLACK, |subscriber| {
-        subscriber.output().lines().count() > due
-    });
+    subscriber
+        .wait_until("all frames", SLACK, |subscriber| subscriber.output().lines().count() > due);
     let messages = messages_of(&subscriber);
     let blocks = blocks(0);
     let all: Vec<_> = blocks.iter().map(Some).collect();
@@ -148,10 +136,7 @@ fn packed_blocks_alone_reach_rospy_as_the_library_decodes_them() {
         }
     }
     for pair in messages.windows(2) {
-        assert_eq!(
-            pair[1].status.device_us() - pair[0].status.device_us(),
-            62_500
-        );
+        assert_eq!(pair[1].status.device_us() - pair[0].status.device_us(), 62_500);
         assert!(pair[1].stamp > pair[0].stamp);
     }
     assert!(chain.messages().is_empty(), "codes were not asked for");

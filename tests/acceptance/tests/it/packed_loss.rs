@@ -71,10 +71,7 @@ fn a_lost_block_heals_and_the_next_block_without_prediction_is_exact() {
     // Mean squared error for each number of blocks since a loss, summed over many losses.
     let mut after = [0.0; 20];
     let mut places = 0.0;
-    for lost in (70..BLOCKS - 70)
-        .step_by(37)
-        .filter(|block| block % RESET_BLOCKS < 40)
-    {
+    for lost in (70..BLOCKS - 70).step_by(37).filter(|block| block % RESET_BLOCKS < 40) {
         let mut decoder = PackedDecoder::new(&model);
         let start = lost / RESET_BLOCKS * RESET_BLOCKS;
         places += 1.0;
@@ -99,10 +96,7 @@ fn a_lost_block_heals_and_the_next_block_without_prediction_is_exact() {
     println!("error of the lost block and of those after it: {after:.4?}");
     let settled = after[HEALING_BLOCKS + 2..].iter().sum::<f64>() / (18 - HEALING_BLOCKS) as f64;
     assert!(after[0] > 10.0 * settled, "{after:?}");
-    assert!(
-        after[HEALING_BLOCKS] < 1.1 * settled,
-        "{after:?} against {settled}"
-    );
+    assert!(after[HEALING_BLOCKS] < 1.1 * settled, "{after:?} against {settled}");
 }
 
 #[test]
@@ -126,11 +120,7 @@ fn a_decoder_that_starts_in_the_middle_of_a_run_heals_as_after_a_loss() {
         for (since, errors) in errors.iter_mut().enumerate() {
             let block = start + since;
             let decoded = decoder.decode(&coded.bytes[block], RATE).expect("a block");
-            assert_eq!(
-                decoded.is_sound,
-                since >= HEALING_BLOCKS,
-                "{since} blocks after the start"
-            );
+            assert_eq!(decoded.is_sound, since >= HEALING_BLOCKS, "{since} blocks after the start");
             for (error, microvolts) in errors.iter_mut().zip([&decoded.microvolts, &whole[block]]) {
                 *error += mean_square(microvolts, &coded.microvolts[block]);
             }
@@ -175,10 +165,8 @@ fn model() -> PackedModel {
 /// Encodes the recording R11; returns `None` without `CORTICODE_DATA`.
 fn coded(test: &str) -> Option<Coded> {
     let path = real_data::path(test, real_data::EDF_R11)?;
-    let steps: Vec<Step> = steps(Mains::Hz60, recorded(&path))
-        .skip(SETTLING_STEPS)
-        .take(BLOCKS * HOP)
-        .collect();
+    let steps: Vec<Step> =
+        steps(Mains::Hz60, recorded(&path)).skip(SETTLING_STEPS).take(BLOCKS * HOP).collect();
     let mut coded = Coded {
         microvolts: Vec::new(),
         bytes: Vec::new(),

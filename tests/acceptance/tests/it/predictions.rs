@@ -42,14 +42,10 @@ fn integrate(chain: &Chain<'_>, folder: &Path) -> Process {
     let script = workspace::root().join("tests/acceptance/ros/integrate.py");
     let mut python = chain.ros.command("python3");
     python.arg(script.canonicalize().expect("the script exists"));
-    python.args([
-        "/smr/neuroprediction/raw",
-        "/smr/neuroprediction/integrated",
-    ]);
+    python.args(["/smr/neuroprediction/raw", "/smr/neuroprediction/integrated"]);
     let mut integrator = Process::start("integrator", &mut python, folder).expect("python3 starts");
-    integrator.wait_until("rospy subscribes", SLACK, |integrator| {
-        integrator.output().contains("ready")
-    });
+    integrator
+        .wait_until("rospy subscribes", SLACK, |integrator| integrator.output().contains("ready"));
     integrator
 }
 
@@ -75,19 +71,15 @@ fn an_integrator_gets_the_predictions_that_the_library_computes() {
 
     let output = integrator.output();
     let printed = output.lines().skip(1);
-    let printed: Vec<Printed> = printed
-        .map(|line| serde_json::from_str(line).expect("a prediction"))
-        .collect();
+    let printed: Vec<Printed> =
+        printed.map(|line| serde_json::from_str(line).expect("a prediction")).collect();
     let features = features(samples(), Mains::Hz50, &classifier);
     let expected = predictions(&features, &classifier);
     assert_eq!((printed.len(), features.len()), (HOPS, HOPS));
     for ((number, printed), (features, expected)) in
         (1..).zip(&printed).zip(features.iter().zip(&expected))
     {
-        assert_eq!(
-            (printed.seq, &printed.classes[..]),
-            (number, &[773, 771][..])
-        );
+        assert_eq!((printed.seq, &printed.classes[..]), (number, &[773, 771][..]));
         assert_eq!(printed.flags.contains("settling"), features.settling);
         for (soft, probability) in printed.soft.iter().zip(&expected.probabilities) {
             assert!((soft - f64::from(*probability)).abs() < 1e-6, "{printed:?}");
@@ -110,10 +102,7 @@ fn a_recording_of_features_is_converted_to_the_same_predictions() {
     std::fs::write(&classifier_file, text).expect("a free disk");
     let bridge = |word: &str| {
         let mut command = Command::new(&programs().bridge);
-        command
-            .arg(word)
-            .arg(&wire)
-            .env("CORTICODE_CONFIG", "/dev/null");
+        command.arg(word).arg(&wire).env("CORTICODE_CONFIG", "/dev/null");
         command.arg("--classifier").arg(&classifier_file);
         command
     };
@@ -133,27 +122,14 @@ fn a_recording_of_features_is_converted_to_the_same_predictions() {
     let mut lines = table.lines();
     let classes = &classifier.decision.classes;
     let labels = format!(",{},{},decision", classes[0].event, classes[1].event);
-    assert!(
-        lines.next().is_some_and(|head| head.ends_with(&labels)),
-        "{table}"
-    );
+    assert!(lines.next().is_some_and(|head| head.ends_with(&labels)), "{table}");
     let expected = predictions(&features(samples(), Mains::Hz50, &classifier), &classifier);
     // The last hops may still be on their way when the recorder is stopped.
     assert!(lines.clone().count() > HOPS - 16, "{printed}");
     for (line, expected) in lines.zip(&expected) {
-        let values: Vec<f32> = line
-            .split(',')
-            .skip(12)
-            .filter_map(|x| x.parse().ok())
-            .collect();
+        let values: Vec<f32> = line.split(',').skip(12).filter_map(|x| x.parse().ok()).collect();
         #[expect(clippy::cast_precision_loss, reason = "a small code")]
-        let decision = expected
-            .class
-            .map_or(0.0, |class| classes[class].code as f32);
-        assert_eq!(
-            values,
-            [&expected.probabilities[..], &[decision]].concat(),
-            "{line}"
-        );
+        let decision = expected.class.map_or(0.0, |class| classes[class].code as f32);
+        assert_eq!(values, [&expected.probabilities[..], &[decision]].concat(), "{line}");
     }
 }

@@ -21,9 +21,8 @@ fn every_code_of_an_emulated_microcontroller_reaches_rospy() {
     if !ros::available(test) || !installed::available(test) {
         return;
     }
-    let seconds = std::env::var("CORTICODE_QEMU_SECONDS").map_or(SECONDS, |seconds| {
-        seconds.parse().expect("CORTICODE_QEMU_SECONDS is a number")
-    });
+    let seconds = std::env::var("CORTICODE_QEMU_SECONDS")
+        .map_or(SECONDS, |seconds| seconds.parse().expect("CORTICODE_QEMU_SECONDS is a number"));
     let codes = usize::try_from(seconds * RATE).expect("few");
     let image = emulated_board::image();
     let folder = tempfile::tempdir().expect("a folder");

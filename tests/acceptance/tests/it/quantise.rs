@@ -45,10 +45,7 @@ fn integer_codes_follow_the_float_codes_in_every_variant() {
         println!("{mode:?}, {padding:?}, {pool:?}: {sqnr:.1} dB");
         // The lowest SQNR measured is 29.5 dB for modes with a shortcut and 22.2 dB for others.
         let floor_db = if mode.has_shortcut() { 27.0 } else { 21.0 };
-        assert!(
-            sqnr > floor_db,
-            "{mode:?}, {padding:?}, {pool:?}: {sqnr:.1} dB"
-        );
+        assert!(sqnr > floor_db, "{mode:?}, {padding:?}, {pool:?}: {sqnr:.1} dB");
     }
 }
 
@@ -75,10 +72,7 @@ fn a_padding_beyond_16_bits_is_refused_naming_its_channel() {
     bias[9] = 1e5;
     artifact.weights.insert("encoder.norm1.bias", &[16], bias);
     let error = quantise(&artifact).expect_err("cannot be padded");
-    assert!(
-        matches!(error, ModelGenError::HiddenPadding { channel: 9, .. }),
-        "{error}"
-    );
+    assert!(matches!(error, ModelGenError::HiddenPadding { channel: 9, .. }), "{error}");
 }
 
 #[test]
@@ -94,9 +88,7 @@ fn a_dimension_far_from_zero_keeps_its_resolution() {
     };
     let (low, high) = (raise("code.min", 100.0), raise("code.max", 100.0));
     artifact.calibration.insert("code.min", &[128], low);
-    artifact
-        .calibration
-        .insert("code.max", &[128], high.clone());
+    artifact.calibration.insert("code.max", &[128], high.clone());
     let model = quantise(&artifact).expect("a quantisable network");
     for (j, high) in high.iter().enumerate() {
         let q = high / model.code_scale[j] + f32::from(model.code_zero_point[j]);

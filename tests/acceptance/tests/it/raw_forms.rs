@@ -45,9 +45,7 @@ fn printed(lines: &str) -> Vec<Row> {
     for message in printing::messages(lines, "/neurodata") {
         let [eeg, exg, tri] = ["eeg", "exg", "tri"].map(|name| values(&message, name));
         let samples = tri.len() / 8;
-        let parts = eeg
-            .chunks(eeg.len() / samples)
-            .zip(exg.chunks(exg.len() / samples));
+        let parts = eeg.chunks(eeg.len() / samples).zip(exg.chunks(exg.len() / samples));
         for ((eeg, exg), words) in parts.zip(tri.chunks(8)) {
             rows.push(([eeg, exg].concat(), words[0] >= FILLER));
         }

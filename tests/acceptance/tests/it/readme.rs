@@ -17,9 +17,5 @@ fn the_job_for_ci_counts_the_codes_of_ten_seconds() {
         .expect("bash");
     let log = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{log}");
-    assert_eq!(
-        String::from_utf8_lossy(&output.stdout),
-        "159 codes of 128 numbers\n",
-        "{log}"
-    );
+    assert_eq!(String::from_utf8_lossy(&output.stdout), "159 codes of 128 numbers\n", "{log}");
 }

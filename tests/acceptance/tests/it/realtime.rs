@@ -49,9 +49,7 @@ fn schedules(process: u32) -> Vec<(u64, u64)> {
 
 #[test]
 fn the_thread_with_the_sockets_alone_gets_priority_or_the_log_says_why_not() {
-    let own = capabilities(None)
-        .expect("the capabilities of this process")
-        .effective;
+    let own = capabilities(None).expect("the capabilities of this process").effective;
     let may = own.contains(CapabilitySet::SYS_NICE | CapabilitySet::IPC_LOCK);
     if may {
         let (mut bridge, answer) = start(&[]);
@@ -64,37 +62,18 @@ fn the_thread_with_the_sockets_alone_gets_priority_or_the_log_says_why_not() {
         let status = fs::read_to_string(format!("/proc/{}/status", bridge.id()));
         let status = status.expect("its status");
         let locked = status.lines().find(|line| line.starts_with("VmLck:"));
-        assert!(
-            locked.is_some_and(|line| !line.contains(" 0 kB")),
-            "{status}"
-        );
-        bridge
-            .kill()
-            .and_then(|()| bridge.wait().map(drop))
-            .expect("it ends");
+        assert!(locked.is_some_and(|line| !line.contains(" 0 kB")), "{status}");
+        bridge.kill().and_then(|()| bridge.wait().map(drop)).expect("it ends");
     } else {
-        skip_unless_required(
-            "real-time priority",
-            "it needs CAP_SYS_NICE and CAP_IPC_LOCK",
-        );
+        skip_unless_required("real-time priority", "it needs CAP_SYS_NICE and CAP_IPC_LOCK");
     }
     // Without the two capabilities, root is subject to the limits, as every user is.
     let user = ["setpriv", "--bounding-set=-sys_nice,-ipc_lock"];
     let limits = ["prlimit", "--rtprio=0", "--memlock=65536"];
     let prefix = [&user[..if may { 2 } else { 0 }], &limits].concat();
     let (mut bridge, answer) = start(&prefix);
-    assert!(
-        answer.contains("WARN") && answer.contains("ulimit -l"),
-        "{answer}"
-    );
+    assert!(answer.contains("WARN") && answer.contains("ulimit -l"), "{answer}");
     assert!(answer.contains("60-corticode.conf"), "{answer}");
-    assert!(
-        schedules(bridge.id())
-            .iter()
-            .all(|(policy, _)| *policy == 0)
-    );
-    bridge
-        .kill()
-        .and_then(|()| bridge.wait().map(drop))
-        .expect("it ends");
+    assert!(schedules(bridge.id()).iter().all(|(policy, _)| *policy == 0));
+    bridge.kill().and_then(|()| bridge.wait().map(drop)).expect("it ends");
 }

@@ -44,14 +44,7 @@ fn bridge(folder: &Path, ros2: &Ros2<'_>, port: &str, options: &[&str]) -> Proce
 fn board(folder: &Path, seconds: u64, output: &str) -> Process {
     let mut command = Command::new(&programs().host_sim);
     let seconds = seconds.to_string();
-    command.args([
-        "run",
-        "-q",
-        "--input=synthetic",
-        "--realtime",
-        "--duration",
-        &seconds,
-    ]);
+    command.args(["run", "-q", "--input=synthetic", "--realtime", "--duration", &seconds]);
     command.args(["--trigger-every=0.5", "--clock-ppm=300", "--output", output]);
     Process::start("board", &mut command, folder).expect("the board starts")
 }
@@ -60,21 +53,15 @@ fn board(folder: &Path, seconds: u64, output: &str) -> Process {
 fn figure(lines: &str, key: &str) -> Option<u64> {
     let report = messages(lines, "/diagnostics").pop()?;
     let statuses = report["status"].as_array()?;
-    let status = statuses
-        .iter()
-        .find(|status| status["name"] == "corticode: ros2")?;
+    let status = statuses.iter().find(|status| status["name"] == "corticode: ros2")?;
     let values = status["values"].as_array()?;
     let value = values.iter().find(|value| value["key"] == key)?;
     value["value"].as_str()?.parse().ok()
 }
 
 fn sequence(messages: &[Value]) -> Vec<u64> {
-    let numbers = messages
-        .iter()
-        .map(|message| &message["neuroheader"]["seq"]);
-    numbers
-        .map(|number| number.as_u64().expect("a number"))
-        .collect()
+    let numbers = messages.iter().map(|message| &message["neuroheader"]["seq"]);
+    numbers.map(|number| number.as_u64().expect("a number")).collect()
 }
 
 #[test]
@@ -111,9 +98,7 @@ fn every_message_reaches_a_subscriber_beside_one_that_stands_still_and_not_anoth
     let info = "/acquisition/neurodata_info";
     let topic = format!("{info}=ros2neuro_msgs/NeuroFrame");
     let mut late = ros2.subscribe("late", &ros2.domain, true, &[&topic]);
-    late.wait_until("the announcement", SLACK, |late| {
-        !messages(&late.output(), info).is_empty()
-    });
+    late.wait_until("the announcement", SLACK, |late| !messages(&late.output(), info).is_empty());
     let announced = messages(&late.output(), info).remove(0);
 
     assert!(board.wait(Duration::from_secs(seconds) + SLACK).success());
@@ -126,46 +111,30 @@ fn every_message_reaches_a_subscriber_beside_one_that_stands_still_and_not_anoth
     assert!(subscriber.stop(Signal::TERM, SLACK).success());
     let read = |path| std::fs::read_to_string(path).expect("output");
     let (errors, lines, received) = (read(errors), read(lines), read(received));
-    assert!(
-        errors.contains("; outlets: ros2 dropped 0, ndjson dropped 0"),
-        "{errors}"
-    );
+    assert!(errors.contains("; outlets: ros2 dropped 0, ndjson dropped 0"), "{errors}");
 
     for topic in TOPICS {
         let (topic, _) = topic.split_once('=').expect("a type");
         let sent = messages(&lines, topic);
         let received = messages(&received, topic);
         // Skip the first reports, which were published before the subscriber came.
-        let skipped = if topic == "/diagnostics" {
-            sent.len() - received.len()
-        } else {
-            0
-        };
+        let skipped = if topic == "/diagnostics" { sent.len() - received.len() } else { 0 };
         let sent = &sent[skipped..];
         assert_eq!(received.len(), sent.len(), "messages of {topic}");
         let least = if topic.starts_with("/events") { 2 } else { 16 };
         let frames = usize::try_from(seconds).expect("few") * least - least;
-        assert!(
-            topic == "/diagnostics" || sent.len() >= frames,
-            "{} of {topic}",
-            sent.len()
-        );
+        assert!(topic == "/diagnostics" || sent.len() >= frames, "{} of {topic}", sent.len());
         for (sent, received) in sent.iter().zip(received) {
             let received = as_ros1(received);
             assert!(are_equal(sent, &received), "{topic}: {sent} as {received}");
         }
     }
     let codes = messages(&received, "/encoded");
-    let fillers = codes
-        .iter()
-        .filter(|code| code["tri"]["data"][0].as_u64() >= Some(0x8000));
+    let fillers = codes.iter().filter(|code| code["tri"]["data"][0].as_u64() >= Some(0x8000));
     assert!(fillers.count() > 0, "the cable loses frames");
     let shape = |frame: &Value| (frame["sr"].clone(), frame["eeg"]["info"].clone());
     assert_eq!(shape(&announced), shape(&codes[0]));
-    assert_eq!(
-        announced["eeg"]["info"]["labels"].as_array().map(Vec::len),
-        Some(128)
-    );
+    assert_eq!(announced["eeg"]["info"]["labels"].as_array().map(Vec::len), Some(128));
     assert!(elsewhere.stop(Signal::TERM, SLACK).success());
     assert_eq!(read(folder.join("elsewhere.out")), "");
 }
@@ -179,14 +148,7 @@ fn services_answer_rclpy_and_restarted_programs_find_each_other_again() {
     };
     let port = folder.join("board").display().to_string();
     let _board = board(folder, 300, &format!("pty:{port}"));
-    let options = [
-        "--sink=ros2",
-        "--ros-args",
-        "-r",
-        "__ns:=/left",
-        "-r",
-        "/left/encoded:=/codes",
-    ];
+    let options = ["--sink=ros2", "--ros-args", "-r", "__ns:=/left", "-r", "/left/encoded:=/codes"];
     let start = || bridge(folder, &ros2, &port, &options);
     let codes = |process: &Process| messages(&process.output(), "/codes");
     let topic = "/codes=ros2neuro_msgs/NeuroFrame";
@@ -212,10 +174,7 @@ fn services_answer_rclpy_and_restarted_programs_find_each_other_again() {
     ros2.call(&["/left/acquisition/quit"]);
     assert!(first.wait(SLACK).success(), "{}", first.log());
     let before = sequence(&codes(&subscriber));
-    assert!(
-        before.windows(2).all(|pair| pair[1] == pair[0] + 1),
-        "{before:?}"
-    );
+    assert!(before.windows(2).all(|pair| pair[1] == pair[0] + 1), "{before:?}");
 
     let _second = start();
     subscriber.wait_until("codes of another bridge", SLACK, |subscriber| {
@@ -223,10 +182,7 @@ fn services_answer_rclpy_and_restarted_programs_find_each_other_again() {
     });
     let after = sequence(&codes(&subscriber)[before.len()..]);
     assert!(after[0] < 100, "another bridge counts from 1: {after:?}");
-    assert!(
-        after.windows(2).all(|pair| pair[1] == pair[0] + 1),
-        "{after:?}"
-    );
+    assert!(after.windows(2).all(|pair| pair[1] == pair[0] + 1), "{after:?}");
 }
 
 #[test]
@@ -243,9 +199,7 @@ fn services_answer_callers_with_cyclone_dds() {
     command.env("ROS_DOMAIN_ID", &ros2.domain);
     command.env("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp");
     let mut bridge = Process::start("bridge", &mut command, folder).expect("the bridge starts");
-    bridge.wait_until("codes", SLACK, |bridge| {
-        !messages(&bridge.output(), "/encoded").is_empty()
-    });
+    bridge.wait_until("codes", SLACK, |bridge| !messages(&bridge.output(), "/encoded").is_empty());
     let info = "/acquisition/get_info";
     let answers = ros2.call_with_cyclone(&[
         "/acquisition/stop=std_srvs/Empty",
@@ -260,12 +214,7 @@ fn services_answer_callers_with_cyclone_dds() {
     assert_eq!(told["result"], true, "{told}");
     assert_eq!(told["frame"]["sr"], codes[0]["sr"]);
     assert_eq!(told["frame"]["eeg"]["info"], codes[0]["eeg"]["info"]);
-    assert_eq!(
-        told["frame"]["eeg"]["info"]["labels"]
-            .as_array()
-            .map(Vec::len),
-        Some(128)
-    );
+    assert_eq!(told["frame"]["eeg"]["info"]["labels"].as_array().map(Vec::len), Some(128));
 }
 
 #[test]
@@ -276,18 +225,10 @@ fn the_launch_file_has_every_option_and_the_bridge_takes_what_it_passes() {
         python.arg(root.join("tests/acceptance/ros2/launch_arguments.py"));
         python.arg(root.join("ros/ros2/corticode/launch/corticode.launch.py"));
         let output = python.args(arguments).output().expect("Python starts");
-        assert!(
-            output.status.success(),
-            "{}",
-            String::from_utf8_lossy(&output.stderr)
-        );
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         serde_json::from_slice(&output.stdout).expect("JSON")
     };
-    let launched = launch(&[
-        "port:=/dev/board",
-        "low_latency:=true",
-        "ros2_qos:=sensor-data",
-    ]);
+    let launched = launch(&["port:=/dev/board", "low_latency:=true", "ros2_qos:=sensor-data"]);
     let declared = launched["declared"].as_array().expect("a list").iter();
     let declared: BTreeSet<&str> = declared.filter_map(Value::as_str).collect();
     // The bridge lists its parameters when it refuses an unknown one.
@@ -298,28 +239,17 @@ fn the_launch_file_has_every_option_and_the_bridge_takes_what_it_passes() {
     let errors = String::from_utf8_lossy(&refused.stderr);
     let (_, known) = errors.split_once("known are ").expect(&errors);
     let known = known.lines().next().expect("one line").split(", ");
-    let lacking: Vec<&str> = known
-        .filter(|name| !declared.contains(name) && !NOT_ARGUMENTS.contains(name))
-        .collect();
+    let lacking: Vec<&str> =
+        known.filter(|name| !declared.contains(name) && !NOT_ARGUMENTS.contains(name)).collect();
     assert!(lacking.is_empty(), "corticode.launch.py lacks {lacking:?}");
 
     let arguments = launched["node"]["arguments"].as_array().expect("a list");
     let arguments: Vec<&str> = arguments.iter().filter_map(Value::as_str).collect();
-    let expected = [
-        "--sink=ros2",
-        "--port=/dev/board",
-        "--low-latency=true",
-        "--ros2-qos=sensor-data",
-    ];
+    let expected =
+        ["--sink=ros2", "--port=/dev/board", "--low-latency=true", "--ros2-qos=sensor-data"];
     assert_eq!(arguments.len(), expected.len());
-    assert!(
-        expected.iter().all(|option| arguments.contains(option)),
-        "{arguments:?}"
-    );
+    assert!(expected.iter().all(|option| arguments.contains(option)), "{arguments:?}");
     // Wrong usage would end with status 2 before the help is printed.
-    let help = Command::new(&programs().bridge)
-        .args(arguments)
-        .arg("--help")
-        .output();
+    let help = Command::new(&programs().bridge).args(arguments).arg("--help").output();
     assert!(help.expect("the bridge starts").status.success());
 }

@@ -50,31 +50,11 @@ const RESTART: usize = 0;
 const STOPPED: usize = 1;
 const UNPLUGGED: usize = 2;
 const SCENARIOS: [Scenario; 4] = [
-    Scenario {
-        name: "restart",
-        ppm: -3_000,
-        cable: None,
-        lost_s: (1.9, 10.0),
-    },
+    Scenario { name: "restart", ppm: -3_000, cable: None, lost_s: (1.9, 10.0) },
     // host-sim buffers 4 s of frames for a host that does not read.
-    Scenario {
-        name: "stop",
-        ppm: 300,
-        cable: None,
-        lost_s: (3.0, 13.0),
-    },
-    Scenario {
-        name: "unplugged",
-        ppm: 10_000,
-        cable: Some(0),
-        lost_s: (1.9, 10.0),
-    },
-    Scenario {
-        name: "loss",
-        ppm: 0,
-        cable: Some(5),
-        lost_s: (0.3, 5.0),
-    },
+    Scenario { name: "stop", ppm: 300, cable: None, lost_s: (3.0, 13.0) },
+    Scenario { name: "unplugged", ppm: 10_000, cable: Some(0), lost_s: (1.9, 10.0) },
+    Scenario { name: "loss", ppm: 0, cable: Some(5), lost_s: (0.3, 5.0) },
 ];
 
 struct Run {
@@ -94,10 +74,7 @@ fn board(folder: &Path, scenario: &Scenario, output: &str) -> Process {
 }
 
 fn terminal(folder: &Path, scenario: &Scenario) -> String {
-    folder
-        .join(format!("{}.port", scenario.name))
-        .display()
-        .to_string()
+    folder.join(format!("{}.port", scenario.name)).display().to_string()
 }
 
 fn start(folder: &Path, ros2: &Ros2<'_>, scenario: &Scenario) -> Run {
@@ -119,11 +96,7 @@ fn start(folder: &Path, ros2: &Ros2<'_>, scenario: &Scenario) -> Run {
     bridge.arg(format!("__ns:=/{}", scenario.name));
     bridge.env("ROS_DOMAIN_ID", &ros2.domain);
     let bridge = Process::start(scenario.name, &mut bridge, folder).expect("the bridge starts");
-    Run {
-        board,
-        cable,
-        bridge,
-    }
+    Run { board, cable, bridge }
 }
 
 fn seconds(message: &Value) -> f64 {
@@ -156,14 +129,10 @@ fn edges_and_fillers(frames: &[Value]) -> (Vec<f64>, usize) {
 fn check_received(topic: &str, sent: &[Value], received: &[Value]) {
     assert!(!received.is_empty(), "nothing of {topic}");
     let number = |message: &Value| message["neuroheader"]["seq"].as_u64();
-    let first = sent
-        .iter()
-        .position(|sent| number(sent) == number(&received[0]));
+    let first = sent.iter().position(|sent| number(sent) == number(&received[0]));
     let sent = &sent[first.expect("a message that was sent")..];
     let numbers: Vec<_> = received.iter().map(number).collect();
-    let gap = numbers
-        .windows(2)
-        .find(|pair| pair[1] != pair[0].map(|number| number + 1));
+    let gap = numbers.windows(2).find(|pair| pair[1] != pair[0].map(|number| number + 1));
     assert_eq!(gap, None, "{topic} has a gap");
     assert_eq!(received.len(), sent.len(), "messages of {topic}");
     for (sent, received) in sent.iter().zip(received) {
@@ -189,14 +158,10 @@ fn events_are_at_their_samples_whatever_happens_to_board_cable_and_bridge() {
     let arguments: Vec<String> = arguments.collect();
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let mut subscriber = ros2.subscribe("subscriber", &ros2.domain, false, &arguments);
-    let mut runs = SCENARIOS
-        .each_ref()
-        .map(|scenario| start(folder, &ros2, scenario));
+    let mut runs = SCENARIOS.each_ref().map(|scenario| start(folder, &ros2, scenario));
     subscriber.wait_until("frames of all", SLACK, |subscriber| {
         let lines = subscriber.output();
-        topics
-            .iter()
-            .all(|(frames, _)| lines.contains(&format!("\"{frames}\"")))
+        topics.iter().all(|(frames, _)| lines.contains(&format!("\"{frames}\"")))
     });
 
     sleep(CALM);
@@ -215,11 +180,9 @@ fn events_are_at_their_samples_whatever_happens_to_board_cable_and_bridge() {
     runs[STOPPED].bridge.signal(Signal::STOP);
     sleep(AGAIN);
     runs[STOPPED].bridge.signal(Signal::CONT);
-    runs[STOPPED]
-        .bridge
-        .wait_until("the return to the domain", SLACK, |bridge| {
-            bridge.errors().contains("is in its domain again")
-        });
+    runs[STOPPED].bridge.wait_until("the return to the domain", SLACK, |bridge| {
+        bridge.errors().contains("is in its domain again")
+    });
     sleep(CALM);
 
     let mut ends = Vec::new();
@@ -234,10 +197,7 @@ fn events_are_at_their_samples_whatever_happens_to_board_cable_and_bridge() {
     let received = read("subscriber.out");
     for (scenario, (frames_topic, events_topic)) in SCENARIOS.iter().zip(&topics) {
         let errors = read(&format!("{}.err", scenario.name));
-        assert!(
-            errors.contains("; outlets: ros2 dropped 0, ndjson dropped 0"),
-            "{errors}"
-        );
+        assert!(errors.contains("; outlets: ros2 dropped 0, ndjson dropped 0"), "{errors}");
         let sent = read(&format!("{}.out", scenario.name));
         let received = |topic: &str| -> Vec<Value> {
             let received = messages(&received, topic).into_iter();
@@ -247,9 +207,7 @@ fn events_are_at_their_samples_whatever_happens_to_board_cable_and_bridge() {
         check_received(frames_topic, &messages(&sent, frames_topic), &frames);
         check_received(events_topic, &messages(&sent, events_topic), &events);
 
-        let rises = events
-            .iter()
-            .filter(|event| event["event"].as_u64() == Some(RISE));
+        let rises = events.iter().filter(|event| event["event"].as_u64() == Some(RISE));
         let rises: Vec<f64> = rises.map(seconds).collect();
         let (edges, fillers) = edges_and_fillers(&frames);
         // Skip the first edge: events from before the first received frame can be missing.
@@ -271,10 +229,6 @@ fn events_are_at_their_samples_whatever_happens_to_board_cable_and_bridge() {
         );
         assert!(error_s < TOLERANCE_S, "{}: {error_s} s", scenario.name);
         let (least, most) = scenario.lost_s;
-        assert!(
-            (least..most).contains(&lost_s),
-            "{}: {lost_s} s of fillers",
-            scenario.name
-        );
+        assert!((least..most).contains(&lost_s), "{}: {lost_s} s of fillers", scenario.name);
     }
 }

@@ -55,27 +55,15 @@ fn passes(
     // While the chain runs, call the commands that a user would probably type first.
     chain.wait_for(16);
     let echo = chain.ros.tool("rostopic", &["echo", "-n1", "/encoded"]);
-    assert!(
-        echo.contains("nchannels: 128") && echo.contains("z127"),
-        "{echo}"
-    );
-    let info = chain
-        .ros
-        .tool("rosservice", &["call", "/acquisition/get_info"]);
-    assert!(
-        info.contains("result: True") && info.contains("nchannels: 128"),
-        "{info}"
-    );
+    assert!(echo.contains("nchannels: 128") && echo.contains("z127"), "{echo}");
+    let info = chain.ros.tool("rosservice", &["call", "/acquisition/get_info"]);
+    assert!(info.contains("result: True") && info.contains("nchannels: 128"), "{info}");
 
     let ended = board.wait(SLACK);
     assert!(ended.success(), "{}", board.log());
     let expected = expected_codes(mains, samples);
     let summary = format!("{} codes made, 0 frames dropped", expected.len());
-    assert!(
-        board.errors().contains(&summary),
-        "not {summary:?}: {}",
-        board.errors()
-    );
+    assert!(board.errors().contains(&summary), "not {summary:?}: {}", board.errors());
     chain.wait_for(expected.len());
     let messages = chain.messages();
     assert_eq!(messages.len(), expected.len(), "messages at the subscriber");
@@ -86,25 +74,15 @@ fn passes(
     };
     for (message, values) in messages.iter().zip(&expected) {
         assert_eq!(message.transducter, transducter);
-        let largest = message
-            .values
-            .iter()
-            .zip(values)
-            .map(|(x, y)| (x - y).abs())
-            .fold(0.0, f64::max);
+        let largest =
+            message.values.iter().zip(values).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max);
         // The tolerance allows for the subscriber's output, which has six decimals of each float32.
-        assert!(
-            largest < 2e-5 * values.iter().fold(1.0, |m: f64, x| m.max(x.abs())),
-            "{largest}"
-        );
+        assert!(largest < 2e-5 * values.iter().fold(1.0, |m: f64, x| m.max(x.abs())), "{largest}");
     }
     let bag = chain.stop();
     assert!(bag.contains(NEURO_FRAME_MD5), "{bag}");
     let recorded = format!("{} msgs", expected.len());
-    assert!(
-        bag.contains(&recorded),
-        "not {recorded:?} in the recording: {bag}"
-    );
+    assert!(bag.contains(&recorded), "not {recorded:?} in the recording: {bag}");
 }
 
 /// Returns the dequantised codes that the pipeline computes from the first [`SECONDS`] seconds of
@@ -112,9 +90,7 @@ fn passes(
 fn expected_codes(mains: Mains, samples: impl Iterator<Item = Sample>) -> Vec<Vec<f64>> {
     let mut pipeline = Pipeline::new(mains);
     let count = usize::from(model::ADC_RATE_HZ) * usize::try_from(SECONDS).expect("small");
-    let codes = samples
-        .take(count)
-        .filter_map(|sample| pipeline.encode_sample(&sample));
+    let codes = samples.take(count).filter_map(|sample| pipeline.encode_sample(&sample));
     let scales = model::CODE_SCALE.iter().zip(&model::CODE_ZERO_POINT);
     let dequantise = |levels: [i32; 128]| {
         let pairs = levels.into_iter().zip(scales.clone());
@@ -138,35 +114,19 @@ fn assert_contract(messages: &[Message]) {
         assert_eq!(message.type_name, "rosneuro_msgs/NeuroFrame");
         assert_eq!(message.sr, 16);
         let eeg = &message.eeg;
-        assert_eq!(
-            (eeg.nsamples, eeg.nchannels, eeg.stride, eeg.isint),
-            (1, 128, 512, 0)
-        );
+        assert_eq!((eeg.nsamples, eeg.nchannels, eeg.stride, eeg.isint), (1, 128, 512, 0));
         assert_eq!((eeg.count, &eeg.labels), (128, &labels));
         assert_eq!((message.exg.nchannels, message.exg.count), (0, 0));
         assert_eq!((message.tri.nchannels, message.tri.count), (8, 8));
         for block in [eeg, &message.exg, &message.tri] {
-            assert_eq!(
-                (block.minmax.len(), block.labels.len()),
-                (2, usize::from(block.nchannels))
-            );
+            assert_eq!((block.minmax.len(), block.labels.len()), (2, usize::from(block.nchannels)));
         }
-        let [low, high] = eeg.minmax[..] else {
-            panic!("two bounds")
-        };
-        assert!(
-            message
-                .values
-                .iter()
-                .all(|value| (low..=high).contains(value))
-        );
+        let [low, high] = eeg.minmax[..] else { panic!("two bounds") };
+        assert!(message.values.iter().all(|value| (low..=high).contains(value)));
     }
     // By device time, consecutive codes are exactly one hop apart: 32 samples at 512 Hz.
     for pair in messages.windows(2) {
-        assert_eq!(
-            pair[1].status.device_us() - pair[0].status.device_us(),
-            62_500
-        );
+        assert_eq!(pair[1].status.device_us() - pair[0].status.device_us(), 62_500);
         assert!(pair[1].stamp > pair[0].stamp, "stamps go back: {pair:?}");
     }
 }
@@ -184,19 +144,11 @@ fn a_restart_of_roscore_loses_no_code() {
     // A new subscriber registers only with the new master, so it receives codes only after the
     // bridge has registered there, too.
     let mut another = chain.subscriber_of("/encoded");
-    another.wait_until(
-        "the bridge is registered at the new master",
-        SLACK,
-        |another| messages_of(another).len() >= 16,
-    );
-    let from_new: Vec<u32> = messages_of(&another)
-        .iter()
-        .map(|message| message.seq)
-        .collect();
-    assert!(
-        from_new.windows(2).all(|pair| pair[1] == pair[0] + 1),
-        "gaps: {from_new:?}"
-    );
+    another.wait_until("the bridge is registered at the new master", SLACK, |another| {
+        messages_of(another).len() >= 16
+    });
+    let from_new: Vec<u32> = messages_of(&another).iter().map(|message| message.seq).collect();
+    assert!(from_new.windows(2).all(|pair| pair[1] == pair[0] + 1), "gaps: {from_new:?}");
 
     // The connection from before the restart has carried all codes up to the newest of these.
     let newest = from_new.last().map(|seq| usize::try_from(*seq));

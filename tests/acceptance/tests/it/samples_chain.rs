@@ -36,17 +36,13 @@ fn samples_and_steps_reach_rospy_together_with_the_codes() {
     let samples: Vec<Sample> = synthetic(7).take(total).collect();
 
     let uv = f64::from(LSB_NV) * 1e-3;
-    let electrodes = samples
-        .iter()
-        .flat_map(|sample| &sample.counts[..ELECTRODES]);
+    let electrodes = samples.iter().flat_map(|sample| &sample.counts[..ELECTRODES]);
     let expected: Vec<f64> = electrodes.map(|&count| f64::from(count) * uv).collect();
     let messages = all(&mut raw, total / SAMPLES);
     assert_frames(&messages, SAMPLES, ADC_RATE_HZ);
     assert_values(&messages, &expected);
     for message in &messages {
-        let spare: Vec<String> = (1..=CHANNELS - ELECTRODES)
-            .map(|n| format!("exg{n}"))
-            .collect();
+        let spare: Vec<String> = (1..=CHANNELS - ELECTRODES).map(|n| format!("exg{n}")).collect();
         assert_eq!(message.exg.labels, spare);
         assert_eq!(message.exg.count, SAMPLES * spare.len());
     }
@@ -68,9 +64,7 @@ fn samples_and_steps_reach_rospy_together_with_the_codes() {
 /// Waits until a subscriber has received `count` messages, and returns them.
 fn all(subscriber: &mut Process, count: usize) -> Vec<Message> {
     let what = format!("{count} frames of samples");
-    subscriber.wait_until(&what, SLACK, |subscriber| {
-        subscriber.output().lines().count() > count
-    });
+    subscriber.wait_until(&what, SLACK, |subscriber| subscriber.output().lines().count() > count);
     let messages = messages_of(subscriber);
     assert_eq!(messages.len(), count);
     messages
@@ -87,14 +81,8 @@ fn assert_frames(messages: &[Message], nsamples: usize, rate_hz: u16) {
         assert_eq!(message.status.lost, 0);
         assert_eq!(message.status.flags & u64::from(Flags::FILLER.bits()), 0);
         let eeg = &message.eeg;
-        assert_eq!(
-            (usize::from(eeg.nsamples), &eeg.labels[..]),
-            (nsamples, &labels[..])
-        );
-        assert_eq!(
-            (eeg.count, usize::from(eeg.stride)),
-            (nsamples * ELECTRODES, 4 * ELECTRODES)
-        );
+        assert_eq!((usize::from(eeg.nsamples), &eeg.labels[..]), (nsamples, &labels[..]));
+        assert_eq!((eeg.count, usize::from(eeg.stride)), (nsamples * ELECTRODES, 4 * ELECTRODES));
         assert_eq!(message.tri.count, 8 * nsamples);
         assert_eq!((message.eeg.minmax.len(), message.exg.minmax.len()), (2, 2));
     }

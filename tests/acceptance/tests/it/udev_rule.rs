@@ -47,11 +47,7 @@ fn available(test: &str) -> bool {
         skip_unless_required(test, why);
         return false;
     }
-    if !in_namespace()
-        .arg("true")
-        .status()
-        .is_ok_and(|status| status.success())
-    {
+    if !in_namespace().arg("true").status().is_ok_and(|status| status.success()) {
         let why = "this user may not create namespaces (unshare --user --mount)";
         skip_unless_required(test, why);
         return false;
@@ -118,16 +114,12 @@ impl Decision {
     /// Returns the value of the property `name`, or an empty string if there is none.
     fn value(&self, name: &str) -> &str {
         let mut lines = self.properties.lines();
-        lines
-            .find_map(|line| line.strip_prefix(name)?.strip_prefix('='))
-            .unwrap_or_default()
+        lines.find_map(|line| line.strip_prefix(name)?.strip_prefix('=')).unwrap_or_default()
     }
 
     fn assignments_of_our_rules(&self) -> Vec<&str> {
         let lines = self.log.lines();
-        lines
-            .filter(|line| line.contains("/60-corticode.rules:"))
-            .collect()
+        lines.filter(|line| line.contains("/60-corticode.rules:")).collect()
     }
 }
 
@@ -135,11 +127,7 @@ fn decide(description: &str, device: &str) -> Decision {
     let folder = tempfile::tempdir().expect("a folder");
     fs::write(folder.path().join("description"), description).expect("a file");
     let rules = workspace::root().join(RULES);
-    let Output {
-        status,
-        stdout,
-        stderr,
-    } = in_namespace()
+    let Output { status, stdout, stderr } = in_namespace()
         .args(["sh", "-c", SCRIPT, "sh"])
         .arg(folder.path())
         .arg(rules)
@@ -195,10 +183,7 @@ fn a_device_with_another_product_is_left_alone() {
     if !available("udev's rule for other devices") {
         return;
     }
-    for (ids, product) in [
-        (["1209", "0001"], "Blinky"),
-        (["0483", "374b"], "Corticode"),
-    ] {
+    for (ids, product) in [(["1209", "0001"], "Blinky"), (["0483", "374b"], "Corticode")] {
         for device in [TTY, USB_DEVICE] {
             let decision = decide(&description(ids, product), device);
             // This property shows that udev has indeed read the simulated device.
@@ -206,11 +191,7 @@ fn a_device_with_another_product_is_left_alone() {
             let ours = decision.assignments_of_our_rules();
             assert!(ours.is_empty(), "{ours:?}");
             for word in ["ID_MM_DEVICE_IGNORE", "corticode-", "uaccess"] {
-                assert!(
-                    !decision.properties.contains(word),
-                    "{}",
-                    decision.properties
-                );
+                assert!(!decision.properties.contains(word), "{}", decision.properties);
             }
         }
     }
@@ -226,17 +207,10 @@ fn the_rule_names_the_firmware_s_descriptor_and_the_docs_install_the_rule() {
         "const PRODUCT: u16 = 0x0001;",
         "config.product = Some(\"Corticode\");",
     ] {
-        assert!(
-            firmware.contains(part),
-            "{part} has changed: change {RULES} too"
-        );
+        assert!(firmware.contains(part), "{part} has changed: change {RULES} too");
     }
     let rules = read(RULES);
-    for part in [
-        "idVendor}==\"1209\"",
-        "idProduct}==\"0001\"",
-        "{product}==\"Corticode\"",
-    ] {
+    for part in ["idVendor}==\"1209\"", "idProduct}==\"0001\"", "{product}==\"Corticode\""] {
         assert_eq!(rules.matches(part).count(), 2, "{part}");
     }
     let install = "sudo install -m 644 packaging/60-corticode.rules /etc/udev/rules.d/";

@@ -49,9 +49,7 @@ fn expected(artifact: &Artifact, packed: &PackedModel) -> [Vec<Vec<f32>>; 2] {
         let frame = encoder.encode(0, &command, &mut buffer);
         board.receive(frame.expect("a command fits"), 0);
     };
-    let bytes = model_gen::upload(artifact)
-        .expect("it fits")
-        .expect("it has one");
+    let bytes = model_gen::upload(artifact).expect("it fits").expect("it has one");
     send(ToDevice::ModelBegin(ModelBegin {
         id: artifact.id.0,
         bytes: u32::try_from(bytes.len()).expect("short"),
@@ -63,11 +61,7 @@ fn expected(artifact: &Artifact, packed: &PackedModel) -> [Vec<Vec<f32>>; 2] {
     }
     send(ToDevice::ModelEnd);
     send(ToDevice::Start(Start {
-        streams: if HAS_SHORTCUT {
-            Streams::PACKED | Streams::CODES
-        } else {
-            Streams::PACKED
-        },
+        streams: if HAS_SHORTCUT { Streams::PACKED | Streams::CODES } else { Streams::PACKED },
         mains_hz: 50,
     }));
     for sample in synthetic(7).take(SECONDS * usize::from(ADC_RATE_HZ)) {
@@ -128,11 +122,7 @@ fn a_board_streams_with_the_model_that_the_bridge_gives_it_also_after_a_restart(
     let port = free_address();
     let personal = personal.display().to_string();
     let options = [
-        if HAS_SHORTCUT {
-            "--streams=codes,packed"
-        } else {
-            "--streams=packed"
-        },
+        if HAS_SHORTCUT { "--streams=codes,packed" } else { "--streams=packed" },
         "--low-latency",
         "--upload-model",
         &personal,
@@ -147,10 +137,7 @@ fn a_board_streams_with_the_model_that_the_bridge_gives_it_also_after_a_restart(
     printing.wait_until("the second run", SLACK, |bridge| {
         let frames = printed(&bridge.output(), DECODED);
         let starts = frames.iter().filter(|(block, _)| *block == 0).count();
-        starts == 2
-            && frames
-                .last()
-                .is_some_and(|(block, _)| *block == BLOCKS as u64 - 1)
+        starts == 2 && frames.last().is_some_and(|(block, _)| *block == BLOCKS as u64 - 1)
     });
     drop(second);
     let [lines, log] = printing::stop(printing, folder);
@@ -170,8 +157,5 @@ fn a_board_streams_with_the_model_that_the_bridge_gives_it_also_after_a_restart(
     let uses = format!("uses model {}", artifact.id);
     assert_eq!(log.matches(&uses).count(), 2, "{log}");
     let diagnostics = messages(&lines, "/diagnostics").last().expect("a report");
-    assert!(
-        diagnostics.to_string().contains(&artifact.id.to_string()),
-        "{diagnostics}"
-    );
+    assert!(diagnostics.to_string().contains(&artifact.id.to_string()), "{diagnostics}");
 }

@@ -72,12 +72,7 @@ impl<'a> Session<'a> {
     fn with_board(folder: &'a Path, board: Process, port: &str, ppm: i32) -> Self {
         let ros = Ros::start_master_of(&programs().bridge, folder).expect("the master starts");
         let mut bridge = Command::new(&programs().bridge);
-        bridge.args([
-            "--streams=codes,raw,events",
-            "--announce=raw",
-            "--port",
-            port,
-        ]);
+        bridge.args(["--streams=codes,raw,events", "--announce=raw", "--port", port]);
         let interpreter = wheels::python("a recording of the Lab Streaming Layer");
         // Name the streams after the folder, whose name is unique.
         let name = folder.file_name().unwrap_or_default().to_string_lossy();
@@ -86,9 +81,7 @@ impl<'a> Session<'a> {
             bridge.arg(wheels::liblsl(interpreter));
         }
         bridge.args(["--ros-master-uri", &ros.master_uri()]);
-        bridge
-            .env("CORTICODE_CONFIG", "/dev/null")
-            .env("ROS_HOSTNAME", "127.0.0.1");
+        bridge.env("CORTICODE_CONFIG", "/dev/null").env("ROS_HOSTNAME", "127.0.0.1");
         let bridge = Process::start("bridge", &mut bridge, folder).expect("the bridge starts");
         let mut lsl_recorder = interpreter.map(|interpreter| {
             let arguments = [&*folder.to_string_lossy(), &name, "raw", "events"];
@@ -97,28 +90,16 @@ impl<'a> Session<'a> {
         let script = workspace::root().join("tests/acceptance/ros/record_gdf.py");
         let script = script.canonicalize().expect("the script exists");
         let mut python = ros.command("python3");
-        python
-            .arg(script)
-            .arg("/neurodata")
-            .arg(folder.join("run.gdf"));
+        python.arg(script).arg("/neurodata").arg(folder.join("run.gdf"));
         let mut recorder = Process::start("recorder", &mut python, folder).expect("python3 starts");
         recorder.wait_until("the recorder records", TIMEOUT, |recorder| {
             recorder.output().contains("recording")
         });
         if let Some(recorder) = &mut lsl_recorder {
-            recorder.wait_until("the streams", TIMEOUT, |recorder| {
-                recorder.output().contains("ready")
-            });
+            recorder
+                .wait_until("the streams", TIMEOUT, |recorder| recorder.output().contains("ready"));
         }
-        Self {
-            folder,
-            _ros: ros,
-            board,
-            bridge,
-            recorder,
-            lsl_recorder,
-            ppm: vec![ppm],
-        }
+        Self { folder, _ros: ros, board, bridge, recorder, lsl_recorder, ppm: vec![ppm] }
     }
 
     /// Kills the board and starts a new one after the time `outage`.
@@ -156,13 +137,7 @@ impl<'a> Session<'a> {
 /// by `ppm` parts per million.
 fn board(folder: &Path, output: &str, number: u32, ppm: i32) -> Process {
     let mut board = Command::new(&programs().host_sim);
-    board.args([
-        "run",
-        "--input=synthetic",
-        "--realtime",
-        "--quiet",
-        "--trigger-every=0.7",
-    ]);
+    board.args(["run", "--input=synthetic", "--realtime", "--quiet", "--trigger-every=0.7"]);
     board.arg(format!("--output={output}"));
     board.arg(format!("--clock-ppm={ppm}"));
     Process::start(&format!("board{number}"), &mut board, folder).expect("host-sim starts")
@@ -178,10 +153,7 @@ fn half() -> Duration {
 /// Returns whether Python, rospy and libxdffileio are installed; if not, reports a skipped test.
 fn available() -> bool {
     let load = "import ctypes, genpy, rospy; ctypes.CDLL('libxdffileio.so.0')";
-    let python = Command::new("/usr/bin/python3")
-        .args(["-c", load])
-        .stderr(Stdio::null())
-        .status();
+    let python = Command::new("/usr/bin/python3").args(["-c", load]).stderr(Stdio::null()).status();
     if python.is_ok_and(|status| status.success()) {
         return true;
     }
@@ -205,10 +177,7 @@ fn events_are_at_their_samples_after_a_restart_of_the_board() {
     let (recorded, _) = session.stop();
     let error_s = recorded.largest_error_s();
     let fillers = recorded.fillers();
-    println!(
-        "restart: largest error of an event {:.1} ms, {fillers} fillers",
-        error_s * 1e3
-    );
+    println!("restart: largest error of an event {:.1} ms, {fillers} fillers", error_s * 1e3);
     assert!(error_s < TOLERANCE_S, "{error_s} s");
     assert!(fillers as f64 > 2.0 * RATE, "{fillers} fillers");
     assert!(recorded.reports.contains(&0x7ffe), "{:?}", recorded.reports);
@@ -222,9 +191,8 @@ fn events_are_at_their_samples_whatever_the_clock_of_the_board() {
     let rates = [0, 300, -3_000, 10_000];
     let folders = rates.map(|_| tempfile::tempdir().expect("a folder"));
     let sessions = rates.iter().zip(&folders);
-    let sessions: Vec<_> = sessions
-        .map(|(ppm, folder)| (ppm, Session::start(folder.path(), *ppm)))
-        .collect();
+    let sessions: Vec<_> =
+        sessions.map(|(ppm, folder)| (ppm, Session::start(folder.path(), *ppm))).collect();
     sleep(2 * half());
     for (ppm, session) in sessions {
         let (recorded, _) = session.stop();
@@ -252,10 +220,7 @@ fn events_are_at_their_samples_after_the_bridge_stood_still() {
     sleep(half());
     let (recorded, log) = session.stop();
     let error_s = recorded.largest_error_s();
-    println!(
-        "stall: largest error of an event {:.1} ms; {log}",
-        error_s * 1e3
-    );
+    println!("stall: largest error of an event {:.1} ms; {log}", error_s * 1e3);
     assert!(error_s < TOLERANCE_S, "{error_s} s");
 }
 
@@ -273,11 +238,7 @@ fn events_are_at_their_samples_after_the_cable_was_unplugged() {
     assert!(error_s < TOLERANCE_S, "{error_s} s");
     // The cable is unplugged for 2 s, and fillers replace the samples of this time. The bridge
     // tries to connect again every quarter of a second.
-    assert!(
-        recorded.fillers() as f64 > 1.9 * RATE,
-        "{} fillers",
-        recorded.fillers()
-    );
+    assert!(recorded.fillers() as f64 > 1.9 * RATE, "{} fillers", recorded.fillers());
     assert!(recorded.reports.contains(&0x7f01), "{:?}", recorded.reports);
 }
 
@@ -288,10 +249,7 @@ fn events_are_at_their_samples_while_frames_are_lost() {
     };
     assert!(error_s < TOLERANCE_S, "{error_s} s");
     let part = recorded.fillers() as f64 / recorded.flags.len() as f64;
-    assert!(
-        (0.02..0.1).contains(&part),
-        "{part} of the samples are lost"
-    );
+    assert!((0.02..0.1).contains(&part), "{part} of the samples are lost");
     assert!(recorded.reports.contains(&0x7f01), "{:?}", recorded.reports);
 }
 

@@ -28,12 +28,8 @@ impl Recorded {
     pub(crate) fn read(mut recording: Recording) -> Self {
         let words = ["flags", "seq_lo", "seq_hi", "trigger"];
         let labels = recording.labels();
-        let places = words.map(|word| {
-            labels
-                .iter()
-                .position(|label| *label == word)
-                .expect("a word")
-        });
+        let places =
+            words.map(|word| labels.iter().position(|label| *label == word).expect("a word"));
         let mut values = [const { Vec::new() }; 4];
         let mut signals = Vec::new();
         let mut block = Block::default();
@@ -47,10 +43,7 @@ impl Recorded {
         }
         // The recorder's library fills the last record of 1 s with zeros. Cut them off: only the
         // bridge's first frame has sequence number 0.
-        let written = values[1]
-            .iter()
-            .zip(&values[2])
-            .rposition(|words| words != (&0, &0));
+        let written = values[1].iter().zip(&values[2]).rposition(|words| words != (&0, &0));
         for values in &mut values {
             values.truncate(written.map_or(0, |last| last + 1));
         }
@@ -99,9 +92,7 @@ impl Recorded {
         });
         let errors: Vec<f64> = errors.collect();
         assert!(errors.len() >= 3, "{} edges", errors.len());
-        errors
-            .iter()
-            .fold(0.0, |most: f64, error| most.max(error.abs()))
+        errors.iter().fold(0.0, |most: f64, error| most.max(error.abs()))
     }
 
     pub(crate) fn is_filler(&self, sample: usize) -> bool {
@@ -141,27 +132,18 @@ impl Recorded {
     /// Returns the first sample of a run after [`SETTLING`].
     pub(crate) fn settled(&self, run: &Range<usize>) -> usize {
         // The first run began with the bridge's first frame, which may not be in the recording.
-        let before = if run.start == 0 {
-            self.frames[0] as usize * FRAME
-        } else {
-            0
-        };
+        let before = if run.start == 0 { self.frames[0] as usize * FRAME } else { 0 };
         run.start + SETTLING.saturating_sub(before)
     }
 
     pub(crate) fn fillers(&self) -> usize {
-        (0..self.flags.len())
-            .filter(|sample| self.is_filler(*sample))
-            .count()
+        (0..self.flags.len()).filter(|sample| self.is_filler(*sample)).count()
     }
 }
 
 /// Returns a recorded status word as the integer that was published.
 fn word(value: f64) -> u16 {
-    assert!(
-        value.is_finite() && (value - value.round()).abs() < 0.01,
-        "{value} is no word"
-    );
+    assert!(value.is_finite() && (value - value.round()).abs() < 0.01, "{value} is no word");
     let word = value.round();
     assert!((0.0..=65_535.0).contains(&word), "{value} is no word");
     #[expect(clippy::cast_sign_loss, reason = "checked above")]

@@ -81,22 +81,14 @@ impl Streamed {
         let [skipped, before] = (first..rows.len())
             .find(|place| is_start(first, *place))
             .map(|place| [0, place - first])
-            .or_else(|| {
-                Some([
-                    (first..recorded.flags.len()).find(|row| is_start(*row, 0))?,
-                    0,
-                ])
-            })
+            .or_else(|| Some([(first..recorded.flags.len()).find(|row| is_start(*row, 0))?, 0]))
             .expect("the same samples");
         let recorded = recorded.since(skipped);
         let times = &self.raw.times[before..];
         assert!(times.len() >= recorded.flags.len(), "the newest samples");
         for (sample, (streamed, values)) in rows[before..].iter().zip(&recorded.signals).enumerate()
         {
-            assert!(
-                is_same(values, streamed),
-                "sample {sample}: {values:?}, {streamed:?}"
-            );
+            assert!(is_same(values, streamed), "sample {sample}: {values:?}, {streamed:?}");
         }
         (times[..recorded.flags.len()].to_vec(), recorded)
     }
@@ -120,11 +112,7 @@ impl Streamed {
             for (_, at) in pairs.filter(|(levels, _)| levels[0] != becomes && levels[1] == becomes)
             {
                 let [before, after] = [at[0], at[1]];
-                let from = if text.starts_with("filler") {
-                    after
-                } else {
-                    before
-                };
+                let from = if text.starts_with("filler") { after } else { before };
                 let near = (from - TOLERANCE_S)..(after + TOLERANCE_S);
                 let found = marks.iter().position(|mark| near.contains(mark));
                 let found = found.unwrap_or_else(|| panic!("{text} at {after}: {marks:?}"));
@@ -150,22 +138,13 @@ impl Streamed {
 /// samples from `settled` on, in seconds.
 fn largest_error_s(offsets: &[(usize, f64)], settled: usize) -> f64 {
     let first = offsets.partition_point(|(sample, _)| *sample < settled);
-    let of = |offsets: &[(usize, f64)]| {
-        offsets
-            .iter()
-            .map(|(_, offset)| *offset)
-            .collect::<Vec<_>>()
-    };
+    let of =
+        |offsets: &[(usize, f64)]| offsets.iter().map(|(_, offset)| *offset).collect::<Vec<_>>();
     let [early, mut late] = [&offsets[..first], &offsets[first..]].map(of);
     late.sort_by(f64::total_cmp);
-    let truth = *late
-        .get(late.len() / 2)
-        .expect("samples after the clock has settled");
-    let largest = |offsets: &[f64]| {
-        offsets
-            .iter()
-            .fold(0.0, |most: f64, of| most.max((of - truth).abs()))
-    };
+    let truth = *late.get(late.len() / 2).expect("samples after the clock has settled");
+    let largest =
+        |offsets: &[f64]| offsets.iter().fold(0.0, |most: f64, of| most.max((of - truth).abs()));
     let [early, late] = [&early, &late].map(|offsets| largest(offsets));
     assert!(early < UNSETTLED_TOLERANCE_S, "{early} s");
     assert!(late < TOLERANCE_S, "{late} s");

@@ -71,19 +71,14 @@ mod image {
             if !files.read(index, &mut bytes)? {
                 return Ok(None);
             }
-            let step = Step {
-                plane: bytes.map(u8::cast_signed),
-                ..Step::default()
-            };
+            let step = Step { plane: bytes.map(u8::cast_signed), ..Step::default() };
             let mut code = None;
             let instructions = clock.count(&mut || code = encoder.encode_step(&step));
             if index >= FILLING {
                 tallies[index % HOP].add(instructions);
             }
             if let Some(code) = code {
-                files
-                    .outputs
-                    .write(code.values.to_bytes(&mut [0; CodeValues::MAX_BYTES]))?;
+                files.outputs.write(code.values.to_bytes(&mut [0; CodeValues::MAX_BYTES]))?;
             }
         }
         Ok(Some(tallies))

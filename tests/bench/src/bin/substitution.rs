@@ -32,11 +32,7 @@ mod image {
     impl fmt::Debug for Counts {
         /// Writes the counts as an inline TOML table, which the report reads.
         fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            let Self {
-                steps,
-                samples,
-                features,
-            } = self;
+            let Self { steps, samples, features } = self;
             f.write_fmt(format_args!(
                 "{{ steps = {steps:?}, samples = {samples:?}, features = {features:?} }}"
             ))
@@ -90,10 +86,6 @@ mod image {
             }));
             files.outputs.write(&to_bytes(&step, step.excluded))?;
         }
-        Ok(Some(Counts {
-            steps,
-            samples,
-            features,
-        }))
+        Ok(Some(Counts { steps, samples, features }))
     }
 }

@@ -31,10 +31,7 @@ mod image {
     use pipeline::{Acquisition, Sample};
     use static_cell::{ConstStaticCell, StaticCell};
 
-    static SHARED: Shared = Shared::new(Clock {
-        now: || black_box(0),
-        hz: 1_000_000,
-    });
+    static SHARED: Shared = Shared::new(Clock { now: || black_box(0), hz: 1_000_000 });
 
     static ENCODERS: ConstStaticCell<BothEncoders> = ConstStaticCell::new(BothEncoders::EMPTY);
     static PRODUCER: StaticCell<Producer<&'static mut BothEncoders>> = StaticCell::new();
@@ -97,10 +94,7 @@ mod image {
         let encoders = ENCODERS.try_take()?;
         let producer = PRODUCER.try_init_with(|| Producer::new(encoders))?;
 
-        let unknown = Unknown {
-            decoder: Decoder::new(),
-            counts: [[0; CHANNELS]; CHIPS],
-        };
+        let unknown = Unknown { decoder: Decoder::new(), counts: [[0; CHANNELS]; CHIPS] };
         let mut acquiring = pin!(acquire(unknown, &SHARED, (samples_in, acquisition)));
         let mut encoding = pin!(encode(&SHARED, (samples_out, outputs_in, producer)));
         let mut context = Context::from_waker(Waker::noop());

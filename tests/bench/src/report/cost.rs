@@ -35,10 +35,7 @@ pub(crate) fn measure(
     let artifact = Artifact::read(&folder)?;
     let reference = Reference::new(&artifact, windows)?;
     let target = builds()?;
-    let model = OtherModel {
-        artifact: &folder,
-        target: &target,
-    };
+    let model = OtherModel { artifact: &folder, target: &target };
     let mut figures = described(name, &artifact);
     figures.insert("windows".into(), reference.windows.into());
     let (mut different, mut constant, mut state) = (0, true, 0);
@@ -55,10 +52,7 @@ pub(crate) fn measure(
         for (figure, instructions) in [
             ("insn_per_code", sum),
             ("insn_mean_step", sum / hop.max(1)),
-            (
-                "insn_worst_step",
-                steps.iter().map(|step| step.most).max().unwrap_or(0),
-            ),
+            ("insn_worst_step", steps.iter().map(|step| step.most).max().unwrap_or(0)),
             ("insn_filters_per_code", printed.acquisition_per_code),
         ] {
             figures.insert(format!("{key}_{figure}"), instructions.into());

@@ -67,11 +67,7 @@ impl Expected {
         codes: Vec<u8>,
         code_bytes: usize,
     ) -> Self {
-        Self {
-            input: images::with_steps(steps, cells.map(i8::cast_unsigned)),
-            codes,
-            code_bytes,
-        }
+        Self { input: images::with_steps(steps, cells.map(i8::cast_unsigned)), codes, code_bytes }
     }
 
     /// Runs the image on the machine. Returns the instruction counts that the image prints, and the
@@ -98,10 +94,7 @@ fn codes(inputs: &Inputs<Plane>) -> Vec<u8> {
     for planes in &inputs.data {
         let mut encoder = Encoder::new();
         for &plane in planes {
-            let step = Step {
-                plane,
-                ..Step::default()
-            };
+            let step = Step { plane, ..Step::default() };
             if let Some(code) = encoder.encode_step(&step) {
                 codes.extend(code.values.to_bytes(&mut [0; CodeValues::MAX_BYTES]));
             }

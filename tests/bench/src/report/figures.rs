@@ -91,28 +91,17 @@ impl Report {
             };
             if !limit.contains(figure) {
                 let (figure, reason) = (table::cell(figure), &limit.reason);
-                faults.push(format!(
-                    "{name} is {figure}; the limit is {limit} ({reason})"
-                ));
+                faults.push(format!("{name} is {figure}; the limit is {limit} ({reason})"));
             }
         }
         object["faults"] = faults.clone().into();
-        Ok(Self {
-            benchmark,
-            limits,
-            object,
-            faults,
-            next,
-        })
+        Ok(Self { benchmark, limits, object, faults, next })
     }
 
     /// Returns an error that names all figures beyond their limits.
     pub(crate) fn outcome(&self) -> anyhow::Result<()> {
         let (benchmark, faults, next) = (self.benchmark, self.faults.join("; "), self.next);
-        ensure!(
-            faults.is_empty(),
-            "the benchmark `{benchmark}` failed: {faults}\n  next: {next}"
-        );
+        ensure!(faults.is_empty(), "the benchmark `{benchmark}` failed: {faults}\n  next: {next}");
         Ok(())
     }
 }
@@ -137,11 +126,7 @@ impl fmt::Display for Report {
                 details += &table::tables(name, value);
             } else {
                 let limit = self.limits.get(name).map(ToString::to_string);
-                rows.push(vec![
-                    name.clone(),
-                    table::cell(value),
-                    limit.unwrap_or_default(),
-                ]);
+                rows.push(vec![name.clone(), table::cell(value), limit.unwrap_or_default()]);
             }
         }
         write!(f, "{}{details}", table::table(self.benchmark, &rows))
@@ -205,9 +190,7 @@ mod tests {
         for words in ["  16    at most 16\n", "not measured", "\nlist: 1, 2\n"] {
             assert!(text.contains(words), "{text}");
         }
-        let failure = report(json!({"prd_percent": 16.5}))
-            .outcome()
-            .expect_err("above 16");
+        let failure = report(json!({"prd_percent": 16.5})).outcome().expect_err("above 16");
         for words in [
             "`offline` failed: prd_percent is 16.5; the limit is at most 16 (",
             "limits.toml names torch_prd_percent, which is not measured\n  next: look there",

@@ -66,11 +66,7 @@ impl Counts {
             constant: range.constant,
             different_blocks,
         });
-        Self {
-            machine: machine.name,
-            core: machine.core,
-            contenders: contenders.collect(),
-        }
+        Self { machine: machine.name, core: machine.core, contenders: contenders.collect() }
     }
 }
 
@@ -163,11 +159,7 @@ mod tests {
             |each: usize| u32::try_from(each * BLOCK * ELECTRODES).expect("some thousands");
         let range = |name: &str| {
             let instructions = of_block(if name.starts_with("ours") { 25 } else { 61 });
-            Range {
-                fewest: instructions,
-                most: instructions,
-                constant: true,
-            }
+            Range { fewest: instructions, most: instructions, constant: true }
         };
         let ranges = NAMES.map(range);
         let mut counts = Counts::new(MACHINES[0], &ranges, [0; NAMES.len()]);
@@ -195,10 +187,9 @@ mod tests {
         let varying = report_of(|each| each.constant = each.name != "ours-singles");
         let different =
             report_of(|each| each.different_blocks = (each.name == "idsp-dither").into());
-        for (report, words) in [
-            (varying, "constant_count is false;"),
-            (different, "bits_equal is false;"),
-        ] {
+        for (report, words) in
+            [(varying, "constant_count is false;"), (different, "bits_equal is false;")]
+        {
             report.assert_only_fault(words);
         }
         let peer = report_of(|each| each.constant = each.name != "idsp-dither");

@@ -45,10 +45,7 @@ pub(crate) fn run<T: DeserializeOwned>(
     let output = fs::read(&path).map_err(EmulatorError::file(&path))?;
     let next = "next: is the image older than this program? `cargo clean --package bench`";
     let found = output.len();
-    ensure!(
-        found == length,
-        "the output has {found} bytes, {length} expected\n  {next}"
-    );
+    ensure!(found == length, "the output has {found} bytes, {length} expected\n  {next}");
     let name = machine.name;
     let counts = toml::from_str(&lines.join("\n"));
     let counts = counts.with_context(|| format!("reading the counts of {name} failed\n  {next}"));
@@ -139,9 +136,8 @@ pub(crate) fn loaded(image: &Path) -> anyhow::Result<Vec<u8>> {
 /// Another source file has a reachable panic; or [`ALLOWED`] is not found either, which means that
 /// the image does not keep the locations.
 pub(crate) fn check_panics(loaded: &[u8]) -> anyhow::Result<()> {
-    let (allowed, others): (Vec<_>, Vec<_>) = source_files(loaded)
-        .into_iter()
-        .partition(|file| file.ends_with(ALLOWED));
+    let (allowed, others): (Vec<_>, Vec<_>) =
+        source_files(loaded).into_iter().partition(|file| file.ends_with(ALLOWED));
     let others = others.join(", ");
     ensure!(
         others.is_empty(),
@@ -183,15 +179,9 @@ mod tests {
             }
             tally
         };
-        let range = |fewest, most, constant| Range {
-            fewest,
-            most,
-            constant,
-        };
-        let inputs = [
-            vec![tally([10, 11]), tally([20, 20])],
-            vec![tally([10, 11]), tally([20, 21])],
-        ];
+        let range = |fewest, most, constant| Range { fewest, most, constant };
+        let inputs =
+            [vec![tally([10, 11]), tally([20, 20])], vec![tally([10, 11]), tally([20, 21])]];
         assert_eq!(
             Range::of_columns(&inputs, 2).expect("two columns"),
             [range(10, 11, true), range(20, 21, false)]
@@ -215,10 +205,7 @@ mod tests {
         let ours = [&queue[..], b"firmware/src/timing.rs\0"].concat();
         for (loaded, words) in [
             (&ours[..], "can panic in firmware/src/timing.rs\n"),
-            (
-                b"a/src/zerocopy_channel.rsb/src/x.rsc",
-                "can panic in b/src/x.rs\n",
-            ),
+            (b"a/src/zerocopy_channel.rsb/src/x.rsc", "can panic in b/src/x.rs\n"),
             (b"no names", "not even "),
         ] {
             let why = check_panics(loaded).expect_err(words).to_string();

@@ -41,11 +41,7 @@ pub(crate) struct Inputs<T> {
 
 impl<T> Inputs<T> {
     pub(crate) fn new() -> Self {
-        Self {
-            names: Vec::new(),
-            data: Vec::new(),
-            skipped: Vec::new(),
-        }
+        Self { names: Vec::new(), data: Vec::new(), skipped: Vec::new() }
     }
 
     fn add(&mut self, name: &'static str, data: Vec<T>) {
@@ -191,9 +187,7 @@ fn signals() -> anyhow::Result<[Signal; 4]> {
 pub(crate) fn synthetic() -> anyhow::Result<impl Iterator<Item = Sample>> {
     let spec = SyntheticSpec::new(3, model::LABELS.split(' '));
     let mut source = Source::Synthetic(Box::new(Generator::new(&spec)?));
-    Ok(std::iter::from_fn(move || {
-        source.next_sample().ok().flatten()
-    }))
+    Ok(std::iter::from_fn(move || source.next_sample().ok().flatten()))
 }
 
 /// Returns the samples of a recording in the folder that `CORTICODE_DATA` names, converted to the
@@ -207,10 +201,7 @@ fn recorded(file: &str) -> anyhow::Result<Result<Vec<Sample>, String>> {
     let recording = Recording::open(Path::new(&folder).join(file))?;
     let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
     let map = MontageMap::new(&recording.labels(), &electrodes, Missing::Interpolate);
-    let adc = AdcSpec {
-        rate_hz: ADC_RATE_HZ.into(),
-        lsb_uv: f64::from(LSB_NV) / 1000.0,
-    };
+    let adc = AdcSpec { rate_hz: ADC_RATE_HZ.into(), lsb_uv: f64::from(LSB_NV) / 1000.0 };
     let adc = VirtualAdc::new(recording, &map?, adc)?;
     let mut source = Source::Recording(Box::new(adc));
     let samples = std::iter::from_fn(|| source.next_sample().transpose());
@@ -221,8 +212,7 @@ fn to_blocks(samples: impl IntoIterator<Item = Sample>) -> Vec<Block> {
     let samples: Vec<Sample> = samples.into_iter().take(BLOCKS * BLOCK).collect();
     let blocks = samples.as_chunks::<BLOCK>().0.iter().map(|four| {
         std::array::from_fn(|electrode| {
-            four.each_ref()
-                .map(|sample| sample.counts[electrode] << GUARD_BITS)
+            four.each_ref().map(|sample| sample.counts[electrode] << GUARD_BITS)
         })
     });
     blocks.collect()

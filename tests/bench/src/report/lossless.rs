@@ -64,11 +64,7 @@ pub(crate) fn measure() -> anyhow::Result<Report> {
     let image = Image::build("bench", "lossless", &[])?;
     let inputs = inputs::samples(BLOCKS * MAX_SAMPLES)?;
     let expected = Expected::new(&inputs)?;
-    let bytes = inputs
-        .data
-        .iter()
-        .flatten()
-        .flat_map(|sample| sample.counts);
+    let bytes = inputs.data.iter().flatten().flat_map(|sample| sample.counts);
     let bytes: Vec<u8> = bytes.flat_map(to_count).collect();
     let mut machines = Vec::new();
     let mut state_bytes = 0;
@@ -88,10 +84,7 @@ impl Expected {
     /// # Errors
     /// A block differs after decompression.
     fn new(inputs: &Inputs<Sample>) -> anyhow::Result<Self> {
-        let mut expected = Self {
-            output: Vec::new(),
-            bits: Vec::new(),
-        };
+        let mut expected = Self { output: Vec::new(), bits: Vec::new() };
         for samples in &inputs.data {
             let (mut state, mut decoder) = (EncoderState::NEW, Decoder::<CHANNELS>::NEW);
             let mut bytes = 0;
@@ -100,10 +93,7 @@ impl Expected {
                 let mut room = SILENCE;
                 let block = ENCODER.encode(&mut state, &samples, &mut room);
                 let decoded = decoder.decode(CHANNELS, &block)?;
-                anyhow::ensure!(
-                    decoded == samples.as_flattened(),
-                    "a block came back changed"
-                );
+                anyhow::ensure!(decoded == samples.as_flattened(), "a block came back changed");
                 bytes += block.bytes.len();
                 expected.output.extend(to_bytes(&block));
             }

@@ -113,11 +113,7 @@ impl Ros {
             host: Some("127.0.0.1".to_owned()),
             ..NodeOptions::new("bench", master.uri())
         };
-        Ok(Self {
-            node: Node::start(options).await?,
-            master,
-            folder: tempfile::tempdir()?,
-        })
+        Ok(Self { node: Node::start(options).await?, master, folder: tempfile::tempdir()? })
     }
 
     /// Starts one of our programs, with a file in the folder for its log.
@@ -139,9 +135,7 @@ impl Ros {
             .stdout(Stdio::null())
             .stderr(log);
         let child = command.spawn();
-        Ok(Running(
-            child.with_context(|| format!("{name} does not start"))?,
-        ))
+        Ok(Running(child.with_context(|| format!("{name} does not start"))?))
     }
 
     /// Returns the path of the log of the program `name`.
@@ -255,10 +249,7 @@ impl Nodes {
             let arrived = self.codes[place].times();
             Some(Figures::new(&sent[place], &arrived, span, &usage))
         };
-        Ok(Pair {
-            own: figures(0).context("our node has ended")?,
-            rospy: figures(1),
-        })
+        Ok(Pair { own: figures(0).context("our node has ended")?, rospy: figures(1) })
     }
 
     /// Waits until the codes sent before `end` have arrived, but no longer than [`STRAGGLERS`].
@@ -266,14 +257,10 @@ impl Nodes {
         let deadline = Instant::now() + STRAGGLERS;
         loop {
             let sent = sent();
-            let is_complete = self
-                .measured_codes()
-                .iter()
-                .zip(&sent)
-                .all(|(codes, sent)| {
-                    let last = sent.iter().rev().find(|(_, at)| **at < end);
-                    last.is_none_or(|(window, _)| codes.times().contains_key(window))
-                });
+            let is_complete = self.measured_codes().iter().zip(&sent).all(|(codes, sent)| {
+                let last = sent.iter().rev().find(|(_, at)| **at < end);
+                last.is_none_or(|(window, _)| codes.times().contains_key(window))
+            });
             if is_complete || Instant::now() >= deadline {
                 return;
             }
@@ -303,9 +290,7 @@ impl Pair {
 
     /// Returns the figures of both nodes as JSON objects, named by `names`.
     fn objects(&self, names: [&str; 2]) -> Vec<Json> {
-        let nodes = names
-            .into_iter()
-            .zip([Some(&self.own), self.rospy.as_ref()]);
+        let nodes = names.into_iter().zip([Some(&self.own), self.rospy.as_ref()]);
         let objects = nodes.filter_map(|(name, figures)| {
             let mut object = json!(figures?);
             object["name"] = name.into();
@@ -317,10 +302,7 @@ impl Pair {
     /// Returns a histogram of three kinds of intervals: between codes from our node, between codes
     /// sent to it, and between codes from the rospy node. `from` names the source of the codes.
     fn intervals(&self, [own, source, rospy]: [&str; 3], from: &str) -> Intervals {
-        let series = |name: &str, ms: &[f64]| Series {
-            name: name.to_owned(),
-            ms: ms.to_owned(),
-        };
+        let series = |name: &str, ms: &[f64]| Series { name: name.to_owned(), ms: ms.to_owned() };
         let rival = self.rospy.as_ref();
         Intervals {
             arrival: series(own, &self.own.intervals_ms),

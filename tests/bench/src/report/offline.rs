@@ -53,9 +53,7 @@ struct Round {
 /// A contender does not run.
 pub(crate) fn measure(seconds: u32) -> anyhow::Result<Report> {
     let artifact = checked_in::artifact()?;
-    let request = programs::model(&artifact.description)
-        .to_string()
-        .into_bytes();
+    let request = programs::model(&artifact.description).to_string().into_bytes();
     let ours = Ours::new(seconds)?;
     let torch = Python::find_torch();
     eprintln!("encoding and decoding {seconds} s of signal, {ROUNDS} times each");
@@ -71,11 +69,7 @@ pub(crate) fn measure(seconds: u32) -> anyhow::Result<Report> {
     }
     let prd_percent = ours.prd_percent()?;
     let torch_prd_percent = torch.map(|_| ours.torch_prd_percent()).transpose()?;
-    report(
-        &rounds[1..],
-        seconds,
-        [Some(prd_percent), torch_prd_percent],
-    )
+    report(&rounds[1..], seconds, [Some(prd_percent), torch_prd_percent])
 }
 
 /// Builds the report; each speed is a median over the rounds.
@@ -153,10 +147,7 @@ impl Ours {
         }
         writer.finish(&[])?;
         fs::write(folder.path().join("samples.f32"), numbers)?;
-        Ok(Self {
-            folder,
-            model: Model::embedded()?,
-        })
+        Ok(Self { folder, model: Model::embedded()? })
     }
 
     /// Encodes the recording; returns the time that it took, seconds.

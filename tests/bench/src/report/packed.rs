@@ -76,15 +76,8 @@ struct Coded {
 /// QEMU or the target is missing, an image does not build or run, or an input cannot be made.
 pub(crate) fn measure(hops: usize) -> anyhow::Result<Report> {
     let inputs = inputs::steps(hops * HOP)?;
-    let coded = inputs
-        .data
-        .iter()
-        .map(|steps| coded(steps))
-        .collect::<anyhow::Result<Vec<_>>>()?;
-    let expected: Vec<u8> = coded
-        .iter()
-        .flat_map(|coded| coded.output.clone())
-        .collect();
+    let coded = inputs.data.iter().map(|steps| coded(steps)).collect::<anyhow::Result<Vec<_>>>()?;
+    let expected: Vec<u8> = coded.iter().flat_map(|coded| coded.output.clone()).collect();
     let mut machines = Vec::new();
     let (mut flash_bytes, mut ram_bytes) = (0, 0);
     for machine in MACHINES {
@@ -98,9 +91,7 @@ pub(crate) fn measure(hops: usize) -> anyhow::Result<Report> {
         machines.push(Counts {
             core: machine.core,
             bytes_equal: output == expected,
-            rows: counts
-                .map(|((counted, name), coded)| row(name, counted, coded))
-                .collect(),
+            rows: counts.map(|((counted, name), coded)| row(name, counted, coded)).collect(),
         });
     }
     report(&inputs, &machines, &coded, flash_bytes, ram_bytes)
@@ -113,11 +104,7 @@ fn run(
     length: usize,
 ) -> anyhow::Result<(Printed, Vec<u8>)> {
     let steps = inputs.data.first().map_or(0, Vec::len);
-    let electrodes = inputs
-        .data
-        .iter()
-        .flatten()
-        .flat_map(|step| step.electrodes);
+    let electrodes = inputs.data.iter().flatten().flat_map(|step| step.electrodes);
     let input = images::with_steps(steps, electrodes.flat_map(i32::to_le_bytes));
     images::run(image, machine, "bench/packed", &input, length)
 }
@@ -129,10 +116,7 @@ fn coded(steps: &[Step]) -> anyhow::Result<Coded> {
     let model = model.context("the built-in model has no packed model")?;
     let (mut encoder, mut decoder) = (PackedEncoder::new(), PackedDecoder::new(model));
     let rate = PackedEncoder::DEFAULT_RATE;
-    let mut coded = Coded {
-        decoder_equal: true,
-        ..Coded::default()
-    };
+    let mut coded = Coded { decoder_equal: true, ..Coded::default() };
     for step in steps {
         let Some(code) = encoder.encode_step(step) else {
             continue;
@@ -239,9 +223,7 @@ fn recorded_errors() -> anyhow::Result<Json> {
     };
     let comparison = comparison::compare(Path::new(checked_in::ARTIFACT), &files, &mut Silent)?;
     let figures = comparison.packed;
-    let codes = comparison
-        .codes
-        .context("the built-in model has no network")?;
+    let codes = comparison.codes.context("the built-in model has no network")?;
     let pca = codes.pca.context("the built-in model has no PCA")?;
     let artifact = checked_in::artifact()?;
     let model = artifact.packed.as_ref();
@@ -279,9 +261,8 @@ fn recorded_errors() -> anyhow::Result<Json> {
 fn change_from_card(description: &Description, codes: &CodeComparison) -> anyhow::Result<f64> {
     let mut tested = description.training.tested.iter();
     let person = tested.find(|person| person.subject == SUBJECT);
-    let card = person
-        .with_context(|| format!("the model's card does not have {SUBJECT}"))?
-        .prd_percent;
+    let card =
+        person.with_context(|| format!("the model's card does not have {SUBJECT}"))?.prd_percent;
     let pca = codes.pca.context("the built-in model has no PCA")?;
     let changes = [
         (codes.network.float, card.autoencoder_float),

@@ -45,11 +45,9 @@ impl Python {
     /// Returns a command that runs a script of this crate on one thread, for a fair comparison.
     pub(crate) fn script(self, name: &str) -> Command {
         let mut command = Command::new(self.0);
-        command
-            .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join(name))
-            .envs(
-                ["OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"].map(|of| (of, "1")),
-            );
+        command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join(name)).envs(
+            ["OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"].map(|of| (of, "1")),
+        );
         command
     }
 
@@ -70,10 +68,7 @@ impl Python {
 
 /// Runs a command with `input` on its stdin, and parses its output as JSON.
 fn answer<T: DeserializeOwned>(command: &mut Command, input: &[u8]) -> anyhow::Result<T> {
-    let mut process = command
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()?;
+    let mut process = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
     // The statement drops the pipe at its end, which ends the command's input.
     let written = process.stdin.take().map(|mut stdin| stdin.write_all(input));
     let output = process.wait_with_output()?;

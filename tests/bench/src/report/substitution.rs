@@ -104,15 +104,11 @@ pub(crate) fn measure() -> anyhow::Result<Report> {
 /// Returns a table with random weights, as bytes of the input file and as a table on this PC.
 fn any_table() -> anyhow::Result<(Vec<u8>, OwnedTable)> {
     let artifact = any_artifact(1, Mode::Pca, Padding::None, [2; 3], HOP)?;
-    let table = artifact
-        .substitution
-        .context("a random model with a table")?;
-    let bytes: Vec<u8> = (pack::substitution(&table)
-        .iter()
-        .map(|pair| pair.0.to_le_bytes()))
-    .chain(table.innovation.iter().map(|energy| energy.to_le_bytes()))
-    .flatten()
-    .collect();
+    let table = artifact.substitution.context("a random model with a table")?;
+    let bytes: Vec<u8> = (pack::substitution(&table).iter().map(|pair| pair.0.to_le_bytes()))
+        .chain(table.innovation.iter().map(|energy| energy.to_le_bytes()))
+        .flatten()
+        .collect();
     let of_file = bytes.first_chunk().context("a table of this montage")?;
     let table = OwnedTable::from_bytes(of_file);
     Ok((bytes, table))
@@ -122,10 +118,7 @@ fn any_table() -> anyhow::Result<(Vec<u8>, OwnedTable)> {
 fn fill(steps: &[Step], table: &OwnedTable) -> Vec<Step> {
     let mut substitution = Substitution::NEW;
     let filled = steps.iter().map(|step| {
-        let mut step = Step {
-            settling: false,
-            ..*step
-        };
+        let mut step = Step { settling: false, ..*step };
         let mut sample = Sample::default();
         sample.counts[..step.electrodes.len()].copy_from_slice(&step.electrodes);
         (0..SAMPLES_PER_STEP).for_each(|_| substitution.observe_sample(&sample));

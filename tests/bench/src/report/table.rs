@@ -9,14 +9,9 @@ const LABELS: [&str; 2] = ["name", "machine"];
 /// Returns rows of cells as text under a title. The first column is aligned left, all others right.
 pub(crate) fn table(title: &str, rows: &[Vec<String>]) -> String {
     let mut text = format!("{title}\n");
-    for row in rows
-        .iter()
-        .filter(|row| row.iter().any(|cell| !cell.is_empty()))
-    {
+    for row in rows.iter().filter(|row| row.iter().any(|cell| !cell.is_empty())) {
         let cells = row.iter().enumerate().map(|(column, cell)| {
-            let lengths = rows
-                .iter()
-                .filter_map(|row| Some(row.get(column)?.chars().count()));
+            let lengths = rows.iter().filter_map(|row| Some(row.get(column)?.chars().count()));
             let width = lengths.max().unwrap_or(0);
             match column {
                 0 => format!("  {cell:<width$}"),
@@ -56,10 +51,9 @@ pub(crate) fn tables(title: &str, value: &Json) -> String {
                 elements.map(|(number, each)| (label(each).unwrap_or(format!("{number}")), each));
             labelled.collect()
         }
-        Json::Object(elements) => elements
-            .iter()
-            .map(|(key, value)| (key.clone(), value))
-            .collect(),
+        Json::Object(elements) => {
+            elements.iter().map(|(key, value)| (key.clone(), value)).collect()
+        }
         Json::Array(elements) if elements.is_empty() => return String::new(),
         flat => return format!("\n{title}: {}\n", cell(flat)),
     };
@@ -69,10 +63,7 @@ pub(crate) fn tables(title: &str, value: &Json) -> String {
         let mut row = vec![label.clone()];
         row.extend(element.as_array().into_iter().flatten().map(cell));
         for (key, field) in element.as_object().into_iter().flatten() {
-            if field
-                .as_array()
-                .is_some_and(|fields| fields.iter().any(is_nested))
-            {
+            if field.as_array().is_some_and(|fields| fields.iter().any(is_nested)) {
                 nested += &tables(&format!("{title}, {label}: {key}"), field);
             } else if !LABELS.contains(&key.as_str()) {
                 row.push(cell(field));
@@ -86,10 +77,8 @@ pub(crate) fn tables(title: &str, value: &Json) -> String {
     // If an element has more fields than there are elements, elements become columns.
     if rows[0].len() > rows.len() {
         let columns = 0..rows[0].len();
-        let column = |column| {
-            rows.iter()
-                .map(move |row| row.get(column).cloned().unwrap_or_default())
-        };
+        let column =
+            |column| rows.iter().map(move |row| row.get(column).cloned().unwrap_or_default());
         rows = columns.map(|index| column(index).collect()).collect();
     }
     format!("\n{}{nested}", table(title, &rows))
@@ -126,18 +115,9 @@ t, b: inner
         let columns = json!({"a": {"x": 1, "y": 2}, "b": {"x": 3, "y": 4}});
         for (value, expected) in [
             (rows, expected),
-            (
-                columns,
-                "\nt\n       x    y\n  a    1    2\n  b    3    4\n",
-            ),
-            (
-                json!({"a": {"x": 1, "y": 2}}),
-                "\nt\n       a\n  x    1\n  y    2\n",
-            ),
-            (
-                json!([[1, 2], [34, 5]]),
-                "\nt\n  1     1    2\n  2    34    5\n",
-            ),
+            (columns, "\nt\n       x    y\n  a    1    2\n  b    3    4\n"),
+            (json!({"a": {"x": 1, "y": 2}}), "\nt\n       a\n  x    1\n  y    2\n"),
+            (json!([[1, 2], [34, 5]]), "\nt\n  1     1    2\n  2    34    5\n"),
             (json!(["a", "b"]), "\nt: a, b\n"),
             (json!([]), ""),
         ] {

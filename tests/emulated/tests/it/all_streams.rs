@@ -21,21 +21,13 @@ const MAX_AHEAD: u64 = 16;
 
 #[test]
 fn all_streams_of_the_network_at_once_equal_host_sims() {
-    stream(
-        "start-all",
-        "all_streams",
-        Streams::ALL.without(Streams::PACKED),
-    );
+    stream("start-all", "all_streams", Streams::ALL.without(Streams::PACKED));
 }
 
 #[test]
 fn all_streams_of_the_packed_code_at_once_equal_host_sims() {
     let network = Streams::CODES | Streams::AUDIT;
-    stream(
-        "start-packed",
-        "packed_streams",
-        Streams::ALL.without(network),
-    );
+    stream("start-packed", "packed_streams", Streams::ALL.without(network));
 }
 
 /// Runs the boards with `argument`, with which the image starts the streams `streams`, and checks
@@ -60,9 +52,8 @@ fn stream(argument: &str, name: &str, streams: Streams) {
         // The first edge is at the first DRDY (data ready of the converter).
         let expected_events = edges.events(events.first().map_or(0, |(at_us, _)| *at_us));
         let mut received = events.iter().peekable();
-        let lost = (0..)
-            .zip(&expected_events)
-            .filter(|(_, event)| received.next_if_eq(event).is_none());
+        let lost =
+            (0..).zip(&expected_events).filter(|(_, event)| received.next_if_eq(event).is_none());
         let lost: Vec<usize> = lost.map(|(number, _)| number).collect();
         board.record(&json!({name: {
             "equal": difference.is_none() && is_raw_equal,
@@ -135,10 +126,7 @@ fn audits(sent: &[u8], codes: &[SentCode]) -> Vec<bool> {
         let mut encoder = Encoder::new();
         let planes = audit.planes.as_chunks::<CELLS>().0.iter();
         let code = planes.fold(None, |_, plane| {
-            encoder.encode_step(&Step {
-                plane: plane.map(u8::cast_signed),
-                ..Step::SILENCE
-            })
+            encoder.encode_step(&Step { plane: plane.map(u8::cast_signed), ..Step::SILENCE })
         });
         let levels = code.map(|code| code.values.levels().to_vec());
         let theirs: Vec<i32> = audit.values.levels().collect();

@@ -32,10 +32,9 @@ fn a_board_with_one_wrong_bit_in_its_model_reports_it_and_does_not_start() {
         let image = Image::at(board.folder.join("damaged.elf"));
         let board = Board { image, ..board };
         let packed = model::PACKED.expect("the built-in model has a packed model");
-        for (part, values) in [
-            ("network", &model::NETWORK.fc_bias[..]),
-            ("packed code", packed.analysis_factors),
-        ] {
+        for (part, values) in
+            [("network", &model::NETWORK.fc_bias[..]), ("packed code", packed.analysis_factors)]
+        {
             board.write("damaged.elf", &damaged(elf.clone(), values));
             let damaged = Boot::only(&board.run(&["commands"], "damaged.uart").sent);
             let codes = [&intact, &damaged].map(|boot| boot.timed_codes.len());
@@ -59,9 +58,8 @@ fn damaged(mut elf: Vec<u8>, values: &[i32]) -> Vec<u8> {
     let bytes: Vec<[u8; 4]> = values.iter().map(|value| value.to_le_bytes()).collect();
     let bytes = bytes.as_flattened();
     let windows = elf.windows(bytes.len()).enumerate();
-    let places: Vec<usize> = windows
-        .filter_map(|(place, window)| (window == bytes).then_some(place))
-        .collect();
+    let places: Vec<usize> =
+        windows.filter_map(|(place, window)| (window == bytes).then_some(place)).collect();
     let [place] = places[..] else {
         panic!(
             "the values are in the image at {places:?}; look at the symbols of `model` with `nm`"

@@ -34,9 +34,7 @@ fn script() -> Script {
     let not_here = AckResult::NotSupported;
     let codes = start(Streams::CODES, 0);
     let steps = Streams::from_bits(Streams::CODES.bits() | Streams::FILTERED.bits());
-    let clock = ToDevice::SyncTime {
-        host_time_us: HOST_US,
-    };
+    let clock = ToDevice::SyncTime { host_time_us: HOST_US };
     add(1, 200_000, codes, done);
     add(1, 600_000, ToDevice::SelfTest, not_here);
     add(1, 610_000, ToDevice::Reset(ResetInto::Bootloader), not_here);
@@ -61,9 +59,7 @@ fn each_run_starts_at_window_0_and_refused_commands_change_nothing() {
         let codes = boots.iter().flat_map(Boot::codes);
         let windows: Vec<u32> = codes.map(|code| code.window).collect();
         // Windows of a run are consecutive, so a missing window shows as an additional run.
-        let runs: Vec<&[u32]> = windows
-            .chunk_by(|before, after| before + 1 == *after)
-            .collect();
+        let runs: Vec<&[u32]> = windows.chunk_by(|before, after| before + 1 == *after).collect();
         let codes: Vec<usize> = runs.iter().map(|run| run.len()).collect();
         board.record(&json!({"restart": {"codes": codes, "answers": answers.len()}}));
         let starts: Vec<u32> = runs.iter().map(|run| run[0]).collect();
@@ -95,11 +91,7 @@ fn check_boots(boots: &[Boot]) {
         panic!("{} boots, 2 expected", boots.len());
     };
     for (boot, cause) in [(first, ResetCause::PowerOn), (second, ResetCause::Software)] {
-        assert_eq!(
-            boot.hellos,
-            [(cause, String::new())],
-            "causes and faults in Hello"
-        );
+        assert_eq!(boot.hellos, [(cause, String::new())], "causes and faults in Hello");
         assert_eq!(boot.missing, 0, "missing frames");
         assert_eq!(boot.damaged, [], "damaged frames");
     }

@@ -54,27 +54,15 @@ fn a_board_drops_whole_frames_and_counts_them_while_its_host_does_not_read() {
             "codes": codes.len(),
             "different_codes": different,
         }}));
-        assert!(
-            last.frames_dropped > 0,
-            "nothing was dropped: the port was not stuck"
-        );
-        assert_eq!(
-            boot.missing, last.frames_dropped,
-            "missing frames, dropped frames"
-        );
+        assert!(last.frames_dropped > 0, "nothing was dropped: the port was not stuck");
+        assert_eq!(boot.missing, last.frames_dropped, "missing frames, dropped frames");
         assert_eq!(boot.damaged, [], "damaged frames");
-        assert_eq!(
-            different, 0,
-            "codes that are not host-sim's for their window"
-        );
+        assert_eq!(different, 0, "codes that are not host-sim's for their window");
         assert_eq!(last.overruns, 0, "overruns");
         let newest = codes.last().map_or(0, |code| code.window as usize);
         let two_seconds = 2 * usize::from(model::STEP_RATE_HZ) / model::HOP;
         let count = expected.len();
-        assert!(
-            newest + two_seconds > count,
-            "the newest code is {newest} of {count}"
-        );
+        assert!(newest + two_seconds > count, "the newest code is {newest} of {count}");
     }
 }
 

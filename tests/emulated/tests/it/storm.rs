@@ -75,10 +75,7 @@ fn contents(sent: &[u8]) -> Vec<Vec<u8>> {
     frames::filter_map(sent, |_, message| match message {
         ToHost::Timing(_) => None,
         ToHost::ClockReading(reading) => {
-            Some(frames::encoded(&ToHost::ClockReading(ClockReading {
-                received_us: 0,
-                ..reading
-            })))
+            Some(frames::encoded(&ToHost::ClockReading(ClockReading { received_us: 0, ..reading })))
         }
         message => Some(frames::encoded(&message)),
     })
@@ -135,12 +132,7 @@ fn add_command(script: &mut Script, at_us: u64, random: &mut ChaCha8Rng) {
         8 => add(ToDevice::Reset(ResetInto::Newer(9)), bad),
         9 => script.add_command(1, at_us, &Unknown(77), AckResult::UnknownCommand),
         10..=12 => script.repeat_command(1, at_us),
-        13..=16 => add(
-            ToDevice::SyncTime {
-                host_time_us: at_us,
-            },
-            done,
-        ),
+        13..=16 => add(ToDevice::SyncTime { host_time_us: at_us }, done),
         _ => add(ToDevice::Ping, done),
     }
 }
@@ -161,10 +153,7 @@ fn add_garbage(script: &mut Script, at_us: u64, random: &mut ChaCha8Rng) {
         }
         2 => ping[..random.random_range(1..ping.len() - 1)].to_vec(),
         // A reply, which only a board sends, as if the line echoed it to the board.
-        3 => frames::encoded(&ToHost::Ack(Ack {
-            of: 7,
-            result: AckResult::Done,
-        })),
+        3 => frames::encoded(&ToHost::Ack(Ack { of: 7, result: AckResult::Done })),
         4 => frames::frame(7, VERSION + 1, &ToDevice::Ping),
         _ => {
             // Send more bytes than any frame has, in parts that fit the UART's receive buffer.

@@ -50,19 +50,13 @@ fn codes_are_host_sims_and_a_second_run_repeats_them() {
         }));
         first.assert_complete(&boot, samples);
         assert_eq!(difference, None, "a second run has sent other frames");
-        assert_eq!(
-            first.lines, second.lines,
-            "a second run has printed other lines"
-        );
+        assert_eq!(first.lines, second.lines, "a second run has printed other lines");
         assert_eq!(boot.jitter_us(), 0, "jitter_us");
         boot.assert_equal_outputs(&expected);
         assert_eq!(boot.capabilities, expected.capabilities, "capabilities");
         // Leave out name, `Hello` and counters: host-sim's board has another name, and reads its
         // counters at other times.
-        assert_eq!(
-            names(&first.sent),
-            [("qemu-mps2".to_owned(), model::MODEL_ID)]
-        );
+        assert_eq!(names(&first.sent), [("qemu-mps2".to_owned(), model::MODEL_ID)]);
         assert_eq!(boot.hellos, [(ResetCause::PowerOn, String::new())]);
         assert_eq!(boot.stats.len(), boot.quality.len(), "Stats and Quality");
         assert!(last.samples <= samples as u64, "the last Stats: {last:?}");

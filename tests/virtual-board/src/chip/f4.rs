@@ -37,9 +37,7 @@ const TIMER: usize = 0;
 /// table 9).
 const TIMER_FUNCTION: u8 = 1;
 /// Names of the GPIO ports in the emulator; the port index in a [`Pin`] selects one.
-const PORTS: [&str; 8] = [
-    "GPIOA", "GPIOB", "GPIOC", "GPIOD", "GPIOE", "GPIOF", "GPIOG", "GPIOH",
-];
+const PORTS: [&str; 8] = ["GPIOA", "GPIOB", "GPIOC", "GPIOD", "GPIOE", "GPIOF", "GPIOG", "GPIOH"];
 
 /// Address of RCC_CR and its bit HSERDY, set once the external clock is stable (RM0390, 6.3.1).
 const RCC_CR: u64 = 0x4002_3800;
@@ -190,10 +188,7 @@ impl Chip for F4 {
     common_to_all_chips!(Tim::with_clock(1, TIMERS[TIMER].counter));
 
     fn redirects(&self) -> Vec<Redirect> {
-        let spare = Redirect {
-            from: DCKCFGR2..DCKCFGR2 + 4,
-            to: SPARE,
-        };
+        let spare = Redirect { from: DCKCFGR2..DCKCFGR2 + 4, to: SPARE };
         vec![spare, self.otg.redirect()]
     }
 
@@ -216,7 +211,6 @@ impl Chip for F4 {
         self.drive_part(at, pin, is_high);
         let is_routed = self.routed_port(pin.1) == u64::from(pin.0);
         let (registers, mut context) = self.part.bus_mut().drive(at, self.exti_slot);
-        self.exti
-            .set_level(pin, is_high, is_routed, registers, &mut context);
+        self.exti.set_level(pin, is_high, is_routed, registers, &mut context);
     }
 }

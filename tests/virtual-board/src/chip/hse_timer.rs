@@ -55,13 +55,7 @@ pub(crate) struct HseTimer<R> {
 
 impl<R> HseTimer<R> {
     pub(crate) const fn new(timer_hz: u64) -> Self {
-        Self {
-            timer_hz,
-            hse_hz: 0,
-            divider: 0,
-            taken: 0,
-            registers: std::marker::PhantomData,
-        }
+        Self { timer_hz, hse_hz: 0, divider: 0, taken: 0, registers: std::marker::PhantomData }
     }
 
     /// Returns the number of captures from power-on to `now`.
@@ -86,11 +80,7 @@ impl<R: HseTimerRegisters> Device for HseTimer<R> {
         };
         let is_set_up = R::CAPTURES.into_iter().all(is_set);
         let runs = is_set_up && self.divider >= 2 && self.hse_hz > 0;
-        let captures = if runs {
-            self.captures(context.now())
-        } else {
-            0
-        };
+        let captures = if runs { self.captures(context.now()) } else { 0 };
         if register == R::STATUS {
             // Set CC1IF for a new capture, and CC1OF if a further one has overwritten it.
             let new = captures.saturating_sub(self.taken);

@@ -132,10 +132,7 @@ impl BoardDriver {
         wires.set_outputs(now.0, self.pins, |pin| chip.driven_level(pin));
         drop(wires);
         let resets = session.resets();
-        let first = resets
-            .len()
-            .checked_sub(RESET_LOOP)
-            .and_then(|index| resets.get(index));
+        let first = resets.len().checked_sub(RESET_LOOP).and_then(|index| resets.get(index));
         if first.is_some_and(|first| now.0 - first.at.0 < RESET_LOOP_NS) {
             self.is_reset_loop = true;
             session.pause_at(Some(now));
@@ -147,13 +144,8 @@ impl BoardDriver {
             return;
         };
         host.unwatch(Watch::Instruction(address));
-        for (place, byte) in change
-            .memory
-            .iter()
-            .flat_map(|(start, bytes)| (*start..).zip(bytes))
-        {
-            host.write(place, Width::W8, u64::from(*byte))
-                .expect("the spare memory is mapped");
+        for (place, byte) in change.memory.iter().flat_map(|(start, bytes)| (*start..).zip(bytes)) {
+            host.write(place, Width::W8, u64::from(*byte)).expect("the spare memory is mapped");
         }
         self.observer.set_registers(&change.registers);
     }
@@ -163,10 +155,7 @@ impl BoardDriver {
     fn next_stop(&self, now: VirtualNanos) -> VirtualNanos {
         let mut next = (now.0 + MAX_RUN_NS).min(self.until_ns);
         let trigger = self.trigger.front().map(|&(at, _)| at);
-        for at in [self.chain.wires().next_edge_ns(), trigger]
-            .into_iter()
-            .flatten()
-        {
+        for at in [self.chain.wires().next_edge_ns(), trigger].into_iter().flatten() {
             next = next.min(at);
         }
         VirtualNanos(next.max(now.0 + 1))
@@ -197,9 +186,7 @@ impl Driver<EmulatedBoard> for BoardDriver {
         let block = access.address & !0x3FF;
         if block == self.pins.select_port {
             let mut wires = self.chain.wires();
-            wires.set_outputs(access.virtual_time.0, self.pins, |pin| {
-                chip.driven_level(pin)
-            });
+            wires.set_outputs(access.virtual_time.0, self.pins, |pin| chip.driven_level(pin));
         } else if block == self.pins.spi {
             self.chain.wires().sclk_hz = chip.sclk_hz();
         }

@@ -252,10 +252,7 @@ impl Core {
     }
 
     fn grstctl(&self) -> u32 {
-        let flushed = flag(
-            grstctl::RXFFLSH | grstctl::TXFFLSH,
-            self.now >= self.flush_until,
-        );
+        let flushed = flag(grstctl::RXFFLSH | grstctl::TXFFLSH, self.now >= self.flush_until);
         let in_reset = flag(grstctl::CSRST, self.now < self.soft_reset_until);
         self.registers.grstctl & !flushed | grstctl::AHBIDL | in_reset
     }
@@ -354,9 +351,7 @@ impl Core {
     pub(super) fn next_frame_interrupt(&self) -> Option<u64> {
         let from = self.bus.frames_from?;
         let flags = [(gintsts::SOF, 0), (gintsts::EOPF, EOPF_NS)];
-        let unmasked = flags
-            .iter()
-            .filter(|(flag, _)| self.registers.gintmsk & flag != 0);
+        let unmasked = flags.iter().filter(|(flag, _)| self.registers.gintmsk & flag != 0);
         let times = unmasked
             .map(|(_, offset)| from + offset + self.frames_at(self.now, *offset) * FRAME_NS);
         times.min()
@@ -378,11 +373,7 @@ impl Core {
             (gintsts::IEPINT, endpoints & 0xFFFF != 0),
             (gintsts::OEPINT, endpoints >> 16 != 0),
         ];
-        derived
-            .into_iter()
-            .fold(self.registers.gintsts, |flags, (bit, on)| {
-                flags | flag(bit, on)
-            })
+        derived.into_iter().fold(self.registers.gintsts, |flags, (bit, on)| flags | flag(bit, on))
     }
 
     /// Returns the value of `OTG_DAINT`, which has a bit for each endpoint with an unmasked flag:

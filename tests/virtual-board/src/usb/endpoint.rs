@@ -68,11 +68,7 @@ impl Endpoint {
     /// 32, 16 or 8.
     pub(super) fn max_packet(&self) -> usize {
         let field = self.control & epctl::MPSIZ;
-        if self.number == 0 {
-            64 >> (field & 3)
-        } else {
-            field as usize
-        }
+        if self.number == 0 { 64 >> (field & 3) } else { field as usize }
     }
 
     /// Returns how many bytes the transfer still has to move.
@@ -153,12 +149,7 @@ pub(super) struct InEndpoint {
 
 impl InEndpoint {
     pub(super) fn new(number: usize) -> Self {
-        Self {
-            registers: Endpoint::new(number),
-            words: VecDeque::new(),
-            written: 0,
-            needed: 0,
-        }
+        Self { registers: Endpoint::new(number), words: VecDeque::new(), written: 0, needed: 0 }
     }
 
     /// Returns the number of the transmit FIFO that the endpoint uses (`TXFNUM`).
@@ -225,12 +216,8 @@ impl InEndpoint {
             return Input::Nak;
         }
         let len = self.next_len();
-        let bytes = self
-            .words
-            .drain(..len.div_ceil(4))
-            .flat_map(u32::to_le_bytes)
-            .take(len)
-            .collect();
+        let bytes =
+            self.words.drain(..len.div_ceil(4)).flat_map(u32::to_le_bytes).take(len).collect();
         let data1 = self.registers.has(epctl::DPID);
         self.registers.set(epctl::DPID, !data1);
         self.registers.count_down(len);

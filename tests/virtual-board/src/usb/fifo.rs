@@ -85,10 +85,7 @@ impl RxFifo {
     /// Removes the data word at the front; `None` if the FIFO is empty or a status word is at the
     /// front.
     pub(super) fn pop_data(&mut self) -> Option<u32> {
-        match self
-            .0
-            .pop_front_if(|entry| matches!(entry, Entry::Data(_)))?
-        {
+        match self.0.pop_front_if(|entry| matches!(entry, Entry::Data(_)))? {
             Entry::Status(word) | Entry::Data(word) => Some(word),
         }
     }
@@ -104,10 +101,7 @@ pub(super) struct Extent {
 impl Extent {
     /// Decodes a value of `OTG_DIEPTXFx`: start in bits 15:0, depth in bits 31:16.
     pub(super) fn from_dieptxf(value: u32) -> Self {
-        Self {
-            start: value & 0xFFFF,
-            depth: value >> 16,
-        }
+        Self { start: value & 0xFFFF, depth: value >> 16 }
     }
 
     fn end(self) -> u32 {
@@ -135,9 +129,7 @@ pub(super) fn layout_error(fifos: &[(String, Extent)], words: u32) -> Option<Str
                 extent.end()
             ));
         }
-        let over = fifos[..n]
-            .iter()
-            .find(|(_, before)| before.overlaps(*extent));
+        let over = fifos[..n].iter().find(|(_, before)| before.overlaps(*extent));
         if let Some((other, _)) = over {
             return Some(format!("{name} overlaps {other}"));
         }
@@ -160,17 +152,11 @@ mod tests {
             layout_error(&named, 320)
         };
         assert_eq!(layout(&[(0, 64), (64, 16), (80, 240)]), None);
-        assert_eq!(
-            layout(&[(0, 64), (63, 16)]).as_deref(),
-            Some("FIFO 1 overlaps FIFO 0")
-        );
+        assert_eq!(layout(&[(0, 64), (63, 16)]).as_deref(), Some("FIFO 1 overlaps FIFO 0"));
         assert_eq!(
             layout(&[(0, 64), (310, 16)]).as_deref(),
             Some("FIFO 1 ends at word 326, after the 320 words of the memory")
         );
-        assert_eq!(
-            layout(&[(0, 15)]).as_deref(),
-            Some("FIFO 0 has 15 words, fewer than 16")
-        );
+        assert_eq!(layout(&[(0, 15)]).as_deref(), Some("FIFO 0 has 15 words, fewer than 16"));
     }
 }

@@ -188,8 +188,7 @@ impl Host {
                 next => return next,
             }
         }
-        self.violations
-            .record(now, "the model of the host repeats actions without end");
+        self.violations.record(now, "the model of the host repeats actions without end");
         None
     }
 
@@ -313,10 +312,7 @@ impl Host {
                 core.resume();
                 self.power = Power::Resuming(now + RESUME_NS);
             }
-            _ if self
-                .idle_since
-                .is_some_and(|since| since + SUSPEND_NS <= now) =>
-            {
+            _ if self.idle_since.is_some_and(|since| since + SUSPEND_NS <= now) => {
                 core.suspend();
             }
             _ => self.advance_traffic(now, core),

@@ -45,11 +45,7 @@ impl Slots {
     ///
     /// If the part has no RCC, PWR or GPIOA.
     pub(crate) fn new(bus: &Bus) -> Result<Self, Error> {
-        Ok(Self {
-            rcc: bus.slot("RCC")?,
-            pwr: bus.slot("PWR")?,
-            gpioa: bus.slot("GPIOA")?,
-        })
+        Ok(Self { rcc: bus.slot("RCC")?, pwr: bus.slot("PWR")?, gpioa: bus.slot("GPIOA")? })
     }
 }
 

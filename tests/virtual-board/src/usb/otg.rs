@@ -40,10 +40,7 @@ impl CoreAndHost {
         let now = context.now().0;
         self.core.set_now(now);
         let host = self.host.step(now, &mut self.core);
-        let wanted = host
-            .into_iter()
-            .chain(self.core.next_frame_interrupt())
-            .min();
+        let wanted = host.into_iter().chain(self.core.next_frame_interrupt()).min();
         if self.scheduled.is_some_and(|at| at <= now) {
             self.scheduled = None;
         }
@@ -198,19 +195,9 @@ impl Otg {
             link: Arc::clone(&link),
             layout: bus.slots()[window].peripheral().registers,
         };
-        let clock_and_reset = Box::new(ClockAndReset {
-            link: Arc::clone(&link),
-            layout: PhantomData::<L>,
-        });
-        Ok(Self {
-            link,
-            registers,
-            clock_and_reset,
-            instance,
-            slots,
-            window,
-            global,
-        })
+        let clock_and_reset =
+            Box::new(ClockAndReset { link: Arc::clone(&link), layout: PhantomData::<L> });
+        Ok(Self { link, registers, clock_and_reset, instance, slots, window, global })
     }
 
     /// Returns the redirection from the core's addresses to its address window in the emulator.

@@ -33,11 +33,7 @@ impl Violations {
         let text = text.into();
         match self.0.iter_mut().find(|known| known.text == text) {
             Some(known) => known.count += 1,
-            None => self.0.push(Violation {
-                at_ns,
-                text,
-                count: 1,
-            }),
+            None => self.0.push(Violation { at_ns, text, count: 1 }),
         }
     }
 

@@ -75,9 +75,7 @@ fn read(mut output: ChildStdout, is_enough: fn(&str) -> bool) -> String {
 
 /// Returns the number of lines of the bridge's output that contain a code.
 fn codes(text: &str) -> usize {
-    text.lines()
-        .filter(|line| line.contains("\"topic\":\"/encoded\""))
-        .count()
+    text.lines().filter(|line| line.contains("\"topic\":\"/encoded\"")).count()
 }
 
 /// Scenario: `calibrate` refuses a board without memory for a packed model before it reads EEG.
@@ -96,18 +94,14 @@ pub(crate) fn bridge_cannot_calibrate(subject: Subject) -> Result<(), BoardError
 /// to whole microseconds.
 fn assert_no_gap(text: &str, period_us: u64) {
     let complete = text.rfind('\n').map_or("", |end| &text[..end]);
-    let codes = complete
-        .lines()
-        .filter(|line| line.contains("\"topic\":\"/encoded\""));
+    let codes = complete.lines().filter(|line| line.contains("\"topic\":\"/encoded\""));
     let mut first = None;
     for (index, line) in (0..).zip(codes) {
         // docs/topics.md lists the status words.
         let words = line.split("\"tri\":").nth(1).expect("status words");
         let words = words.split("\"data\":[").nth(1).expect("their values");
         let (words, _) = words.split_once(']').expect("their end");
-        let words = words
-            .split(',')
-            .map(|word| word.trim().parse().expect(words));
+        let words = words.split(',').map(|word| word.trim().parse().expect(words));
         let words: Vec<u64> = words.collect();
         let window = words[1] | words[2] << 16;
         let device_us = words[3] | words[4] << 16 | words[5] << 32;
@@ -137,18 +131,12 @@ pub(crate) fn bridge_delivers_codes(subject: Subject) -> Result<(), BoardError> 
     assert!(table.contains(&verdict), "{table}");
     subject.record("bridge_selftest", true);
 
-    let (text, _) = bridge(&mut board, &["--sink", "ndjson"], |text| {
-        codes(text) >= CODES
-    })?;
+    let (text, _) = bridge(&mut board, &["--sink", "ndjson"], |text| codes(text) >= CODES)?;
     assert!(codes(&text) >= CODES, "{text}");
     // At 512 Hz, a hop is a whole number of samples; at other rates, codes are up to one sample
     // off.
     let rate_hz = subject.converters().rate_hz;
-    let period_us = if rate_hz == 512 {
-        1
-    } else {
-        1_000_000 / u64::from(rate_hz)
-    };
+    let period_us = if rate_hz == 512 { 1 } else { 1_000_000 / u64::from(rate_hz) };
     assert_no_gap(&text, period_us);
     assert_sound(&mut board)?;
     subject.record("bridge_codes", codes(&text));

@@ -42,11 +42,7 @@ pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), Boar
     let real_time_factor = virtual_us as f64 * 1e-6 / started.elapsed().as_secs_f64();
     let (equal, _) = run.assert_equal(&board, HOP, received);
     assert_substituted(&received(board.inbox().frames()));
-    let stamps: Vec<u64> = board
-        .inbox()
-        .codes()
-        .map(|(frame, _)| frame.device_us)
-        .collect();
+    let stamps: Vec<u64> = board.inbox().codes().map(|(frame, _)| frame.device_us).collect();
     // Stamps are rounded down to whole microseconds. An edge just before the next microsecond can
     // be stamped with the latter, because the interrupt reads the clock some cycles later.
     for (index, stamp) in (0..).zip(&stamps) {

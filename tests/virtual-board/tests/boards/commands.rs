@@ -55,11 +55,8 @@ pub(crate) fn commands_arrive_while_codes_stream(subject: Subject) -> Result<(),
 pub(crate) fn impedances_are_measured(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let measure = ToDevice::SetImpedance { on: true };
-    let streams = if subject.converters().rate_hz >= 500 {
-        Streams::CODES
-    } else {
-        Streams::EVENTS
-    };
+    let streams =
+        if subject.converters().rate_hz >= 500 { Streams::CODES } else { Streams::EVENTS };
     assert_eq!(start(&mut board, streams)?, AckResult::Done);
     assert_eq!(answer(&mut board, &measure)?, AckResult::Done);
     board.run_for_us(IMPEDANCES_US)?;
@@ -79,10 +76,7 @@ pub(crate) fn impedances_are_measured(subject: Subject) -> Result<(), BoardError
         let measured = f64::from(ohms.expect("not open"));
         let expected = electrode_ohms(channel);
         let error = (measured - expected).abs();
-        assert!(
-            error < 0.05 * expected + NOISE_OHMS,
-            "channel {channel}: {measured} Ohm"
-        );
+        assert!(error < 0.05 * expected + NOISE_OHMS, "channel {channel}: {measured} Ohm");
         if expected >= 5_000.0 {
             worst = worst.max(error / expected);
         }
@@ -142,22 +136,14 @@ pub(crate) fn damaged_bytes_destroy_only_their_commands(
     };
     let answered: Vec<u32> = pick(&board.inbox().frames()[before..], of).collect();
     let different: HashSet<_> = answered.iter().collect();
-    assert_eq!(
-        answered.len(),
-        different.len(),
-        "a command was answered twice"
-    );
+    assert_eq!(answered.len(), different.len(), "a command was answered twice");
 
     let before = acks(board.inbox().frames());
     for _ in 0..20 {
         board.send(&ToDevice::Ping);
     }
     run_codes(&mut board, 8)?;
-    assert_eq!(
-        acks(board.inbox().frames()) - before,
-        20,
-        "acknowledgements after the damage"
-    );
+    assert_eq!(acks(board.inbox().frames()) - before, 20, "acknowledgements after the damage");
     assert_sound(&mut board)?;
     subject.record("commands_damaged", counted.input_bad);
     Ok(())
@@ -200,25 +186,18 @@ pub(crate) fn self_test_passes(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     board.send(&ToDevice::SelfTest);
     let mut found = None;
-    board.run_until(
-        "the result of a self-test",
-        self_test_us(subject),
-        |frames| {
-            let mut results = pick(frames, |kind| match kind {
-                Kind::SelfTest(result) => Some(result),
-                _ => None,
-            });
-            found = results.next().cloned();
-            found.is_some()
-        },
-    )?;
+    board.run_until("the result of a self-test", self_test_us(subject), |frames| {
+        let mut results = pick(frames, |kind| match kind {
+            Kind::SelfTest(result) => Some(result),
+            _ => None,
+        });
+        found = results.next().cloned();
+        found.is_some()
+    })?;
     let result = found.expect("a result");
     assert_eq!(result.fault, "", "{result:?}");
     let Converters { chips, rate_hz, .. } = subject.converters();
-    assert_eq!(
-        (result.chips.len(), result.channels.len()),
-        (chips, 8 * chips)
-    );
+    assert_eq!((result.chips.len(), result.channels.len()), (chips, 8 * chips));
     assert_eq!((result.drdy_early, result.drdy_missed), (0, 0));
     let edges = board.converters().ready_edges();
     board.run_for_us(200_000)?;

@@ -47,10 +47,7 @@ fn inject_fault(subject: Subject, fault: Fault) -> Result<Vec<usize>, BoardError
     let flags = flags(&board).into_iter();
     let flagged: Vec<bool> = flags.map(|flags| flags.contains(bad)).collect();
     let first = flagged.iter().position(|&bad| bad);
-    assert!(
-        first == Some(8) || first == Some(9),
-        "the first flagged code is {first:?}"
-    );
+    assert!(first == Some(8) || first == Some(9), "the first flagged code is {first:?}");
     assert!(flagged[9..].iter().all(|&bad| bad), "{flagged:?}");
     let counts = frames_bad(&board);
     assert_sound(&mut board)?;
@@ -89,10 +86,7 @@ pub(crate) fn a_silent_drdy_is_flagged(subject: Subject) -> Result<(), BoardErro
     run_codes(&mut board, A_STATUS)?;
     let flagged = flags(&board);
     let bad = Flags::ADC_STATUS_BAD;
-    assert!(
-        flagged[10..].iter().all(|flags| flags.contains(bad)),
-        "{flagged:?}"
-    );
+    assert!(flagged[10..].iter().all(|flags| flags.contains(bad)), "{flagged:?}");
     assert!(frames_bad(&board).iter().all(|&frames| frames > 0));
     board.hold_drdy(None);
     run_codes(&mut board, 8)?;
@@ -105,10 +99,7 @@ pub(crate) fn a_silent_drdy_is_flagged(subject: Subject) -> Result<(), BoardErro
 
 /// Scenario: the device decodes data of converters that send no don't-care bits between chips.
 pub(crate) fn a_packed_chain_is_decoded(subject: Subject) -> Result<(), BoardError> {
-    let setup = Setup {
-        alignment: Alignment::Packed,
-        ..subject.setup()
-    };
+    let setup = Setup { alignment: Alignment::Packed, ..subject.setup() };
     let mut board = running_with(subject, &setup)?;
     start(&mut board, Streams::CODES)?;
     run_codes(&mut board, 8)?;
@@ -121,22 +112,15 @@ pub(crate) fn a_packed_chain_is_decoded(subject: Subject) -> Result<(), BoardErr
 /// Scenario: if the converters get power seconds after the microcontroller, the device reports the
 /// fault, tries again, and can stream without a restart.
 pub(crate) fn converters_can_be_powered_late(subject: Subject) -> Result<(), BoardError> {
-    let setup = Setup {
-        converters_on: false,
-        ..subject.setup()
-    };
+    let setup = Setup { converters_on: false, ..subject.setup() };
     let mut board = power_on(subject, &setup);
     board.run_until("a fault of the converters", 3_000_000, |frames| {
         converters(frames).is_some_and(|fault| !fault.is_empty())
     })?;
-    let fault = converters(board.inbox().frames())
-        .unwrap_or_default()
-        .to_owned();
+    let fault = converters(board.inbox().frames()).unwrap_or_default().to_owned();
     assert!(fault.contains("ADS1299 0"), "the status reports {fault:?}");
     board.converters().power_on();
-    board.run_until("converters run", 10_000_000, |frames| {
-        converters(frames) == Some("")
-    })?;
+    board.run_until("converters run", 10_000_000, |frames| converters(frames) == Some(""))?;
     start(&mut board, Streams::CODES)?;
     run_codes(&mut board, 8)?;
     let last = flags(&board).pop().expect("at least one code");

@@ -23,30 +23,10 @@ const RESET_US: u64 = 1_000_000;
 /// next `Hello` must report, and its name in the recorded figures. A hang leaves no fault.
 const FAILURES: [(Injection, ResetCause, &str, &str); 5] = [
     (Injection::Hang, ResetCause::Watchdog, "", "hang"),
-    (
-        Injection::Panic,
-        ResetCause::Fault,
-        "injected.rs:7:3",
-        "panic",
-    ),
-    (
-        Injection::HardFault,
-        ResetCause::Fault,
-        "hard fault at 0x5fffff",
-        "fault",
-    ),
-    (
-        Injection::WildStack,
-        ResetCause::Fault,
-        "outside the stack",
-        "wild_stack",
-    ),
-    (
-        Injection::StackOverflow,
-        ResetCause::Fault,
-        "stack overflow",
-        "overflow",
-    ),
+    (Injection::Panic, ResetCause::Fault, "injected.rs:7:3", "panic"),
+    (Injection::HardFault, ResetCause::Fault, "hard fault at 0x5fffff", "fault"),
+    (Injection::WildStack, ResetCause::Fault, "outside the stack", "wild_stack"),
+    (Injection::StackOverflow, ResetCause::Fault, "stack overflow", "overflow"),
 ];
 
 /// Scenario: each failure of the encode task resets the chip (after a hang, the watchdog does), the
@@ -68,11 +48,7 @@ pub(crate) fn failures_are_reported_after_the_restart(subject: Subject) -> Resul
         println!("{subject}: {injection:?}, Hello after {took_us} us");
         let fault = assert_streams_after(&mut board, subject, cause)?;
         assert!(fault.contains(named), "Hello reports {fault:?}");
-        assert_eq!(
-            fault.is_empty(),
-            named.is_empty(),
-            "Hello reports {fault:?}"
-        );
+        assert_eq!(fault.is_empty(), named.is_empty(), "Hello reports {fault:?}");
         if injection == Injection::StackOverflow {
             assert!(fault.starts_with(named), "Hello reports {fault:?}");
         }
@@ -113,9 +89,7 @@ pub(crate) fn restarts_on_command(subject: Subject) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 4)?;
     board.send(&ToDevice::Reset(ResetInto::Firmware));
-    board.run_until("Hello after a Reset", RESET_US, |frames| {
-        greetings(frames).len() == 2
-    })?;
+    board.run_until("Hello after a Reset", RESET_US, |frames| greetings(frames).len() == 2)?;
     let fault = assert_streams_after(&mut board, subject, ResetCause::Software)?;
     assert_eq!(fault, "");
     let session = |kind: &Kind| match kind {

@@ -21,29 +21,17 @@ pub(crate) struct Subject {
 
 impl Subject {
     pub(crate) const fn new(model: Model, cable: Cable, key: &'static str) -> Self {
-        Self {
-            model,
-            cable,
-            key,
-            has_own_model: false,
-        }
+        Self { model, cable, key, has_own_model: false }
     }
 
     /// Returns the image with another model than the built-in one.
     pub(crate) const fn with_own_model(self) -> Self {
-        Self {
-            has_own_model: true,
-            ..self
-        }
+        Self { has_own_model: true, ..self }
     }
 
     /// Returns the settings of a healthy board with the cable that the image supports.
     pub(crate) fn setup(self) -> Setup {
-        Setup {
-            converters: self.converters(),
-            cable: self.cable,
-            ..Setup::default()
-        }
+        Setup { converters: self.converters(), cable: self.cable, ..Setup::default() }
     }
 
     /// Returns the converters that the image's model is for.

@@ -21,16 +21,8 @@ const RATE: ToDevice<'_> = ToDevice::SetRate { rate: 6 };
 /// Command that sets two spatial filters, with a band-pass of 8 to 30 Hz.
 const FILTERS: ToDevice<'_> = ToDevice::SetFeatures(FeatureFilters {
     id: 5,
-    first: BandPass {
-        gain: 1_732_880_386,
-        a1: 6_412_710_145,
-        a2: -2_805_971_273,
-    },
-    second: BandPass {
-        gain: 1_732_880_386,
-        a1: 1_285_160_498,
-        a2: -1_524_016_507,
-    },
+    first: BandPass { gain: 1_732_880_386, a1: 6_412_710_145, a2: -2_805_971_273 },
+    second: BandPass { gain: 1_732_880_386, a1: 1_285_160_498, a2: -1_524_016_507 },
     weights: &{
         let mut weights = [31; 2 * model::ELECTRODES];
         weights[7] = 0x81;
@@ -78,21 +70,14 @@ pub(crate) fn everything_at_once_is_in_time(subject: Subject) -> Result<(), Boar
 /// all other streams run.
 pub(crate) fn codes_and_uploads_are_refused(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
-    let [begin, ..] = upload().1[..] else {
-        panic!("no announcement")
-    };
+    let [begin, ..] = upload().1[..] else { panic!("no announcement") };
     assert_eq!(answer(&mut board, &begin)?, AckResult::NotSupported);
     for streams in [Streams::CODES, Streams::PACKED | Streams::CODES] {
         assert_eq!(start(&mut board, streams)?, AckResult::BadArgument);
     }
     // Start all other streams that the UART can carry at the same time.
-    start(
-        &mut board,
-        Streams::ALL.without(Streams::CODES | Streams::RAW),
-    )?;
-    run_frames(&mut board, 16 * SECONDS, 62_500, |frames| {
-        blocks(frames).len()
-    })?;
+    start(&mut board, Streams::ALL.without(Streams::CODES | Streams::RAW))?;
+    run_frames(&mut board, 16 * SECONDS, 62_500, |frames| blocks(frames).len())?;
     let is_code_less = |frame: &Frame| matches!(frame.kind, Kind::Audit { values: 0, .. });
     assert!(board.inbox().frames().iter().any(is_code_less));
     in_time(&board);

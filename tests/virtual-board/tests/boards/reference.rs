@@ -25,10 +25,7 @@ pub(crate) fn codes_equal_those_of_the_reference(subject: Subject) -> Result<(),
     let model = DeviceModel::new(&subject.artifact()).expect("a model for a device");
     let mut board = running(subject)?;
     // The device may find the synthetic signals bad, but the reference excludes no electrode.
-    let none = ExclusionPolicy {
-        automatic: false,
-        ..ExclusionPolicy::AUTOMATIC
-    };
+    let none = ExclusionPolicy { automatic: false, ..ExclusionPolicy::AUTOMATIC };
     let answered = answer(&mut board, &ToDevice::SetExclusion(none))?;
     assert_eq!(answered == AckResult::Done, model.substitution.is_some());
     let before = board.converters().samples_delivered();
@@ -45,19 +42,12 @@ pub(crate) fn codes_equal_those_of_the_reference(subject: Subject) -> Result<(),
         assert_eq!(*made, expected, "code {number}");
     }
     let varies = made.windows(2).filter(|codes| codes[0] != codes[1]).count();
-    assert!(
-        varies > CODES / 2,
-        "{varies} codes differ from the one before"
-    );
+    assert!(varies > CODES / 2, "{varies} codes differ from the one before");
 
     // A fast clock of the converters shortens the time from one code to the next.
     let converters = subject.converters();
     let rate_hz = u64::from(converters.rate_hz);
-    let nominal_hz = if rate_hz.is_power_of_two() {
-        1 << 21
-    } else {
-        2_048_000
-    };
+    let nominal_hz = if rate_hz.is_power_of_two() { 1 << 21 } else { 2_048_000 };
     let interval_us = |codes: u64| codes * 62_500 * nominal_hz / u64::from(converters.clock_hz);
     let period_us = 1_000_000 / rate_hz;
     let stamps = board.inbox().codes().map(|(frame, _)| frame.device_us);

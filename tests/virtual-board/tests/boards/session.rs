@@ -30,9 +30,7 @@ pub(crate) fn running_with(subject: Subject, setup: &Setup) -> Result<VirtualBoa
 
 /// Runs a board that has just started until its converters run.
 pub(crate) fn run_up(board: &mut VirtualBoard) -> Result<(), BoardError> {
-    board.run_until("converters run", UP_US, |frames| {
-        converters(frames) == Some("")
-    })
+    board.run_until("converters run", UP_US, |frames| converters(frames) == Some(""))
 }
 
 /// Powers on a healthy board, waits until its converters run, and starts `streams`.
@@ -44,10 +42,7 @@ pub(crate) fn streaming(subject: Subject, streams: Streams) -> Result<VirtualBoa
 
 /// Commands the device to start `streams`, and returns its answer.
 pub(crate) fn start(board: &mut VirtualBoard, streams: Streams) -> Result<AckResult, BoardError> {
-    let start = Start {
-        streams,
-        mains_hz: 0,
-    };
+    let start = Start { streams, mains_hz: 0 };
     answer(board, &ToDevice::Start(start))
 }
 
@@ -74,12 +69,8 @@ pub(crate) fn in_time(board: &VirtualBoard) -> link::Timing {
     for frame in board.inbox().frames() {
         match &frame.kind {
             Kind::Stats(stats) => {
-                let lost = [
-                    stats.frames_dropped,
-                    stats.overruns,
-                    stats.adc_status_bad,
-                    stats.input_bad,
-                ];
+                let lost =
+                    [stats.frames_dropped, stats.overruns, stats.adc_status_bad, stats.input_bad];
                 assert_eq!(lost, [0; 4], "dropped, overruns, bad status, bad input");
             }
             Kind::Timing(timing) => {
@@ -97,10 +88,8 @@ pub(crate) fn in_time(board: &VirtualBoard) -> link::Timing {
 
 /// Returns the largest ratio of a stage's longest time to the stage's deadline.
 pub(crate) fn worst_path(timing: &link::Timing) -> f64 {
-    let worst = timing
-        .stages
-        .iter()
-        .map(|stage| f64::from(stage.worst_ns) / f64::from(stage.deadline_ns));
+    let worst =
+        timing.stages.iter().map(|stage| f64::from(stage.worst_ns) / f64::from(stage.deadline_ns));
     worst.fold(0.0, f64::max)
 }
 
@@ -163,9 +152,7 @@ pub(crate) fn stats(frames: &[Frame]) -> Option<&link::Stats> {
 /// Returns the reset cause and the fault that each `Hello` in `frames` reports.
 pub(crate) fn greetings(frames: &[Frame]) -> Vec<(link::ResetCause, String)> {
     let hello = |kind: &Kind| match kind {
-        Kind::Hello {
-            reset_cause, fault, ..
-        } => Some((*reset_cause, fault.clone())),
+        Kind::Hello { reset_cause, fault, .. } => Some((*reset_cause, fault.clone())),
         _ => None,
     };
     pick(frames, hello).collect()
@@ -174,11 +161,7 @@ pub(crate) fn greetings(frames: &[Frame]) -> Vec<(link::ResetCause, String)> {
 /// Asserts that every received frame could be decoded, and what [`assert_no_findings`] asserts.
 pub(crate) fn assert_sound(board: &mut VirtualBoard) -> Result<(), BoardError> {
     assert_no_findings(board)?;
-    assert_eq!(
-        board.inbox().decode_errors(),
-        [""; 0],
-        "frames that cannot be decoded"
-    );
+    assert_eq!(board.inbox().decode_errors(), [""; 0], "frames that cannot be decoded");
     Ok(())
 }
 
@@ -198,24 +181,13 @@ pub(crate) fn assert_no_findings_but(
     findings.unmapped.retain(|access| !is_intended(access));
     assert_eq!(findings.unmapped, [""; 0], "accesses to unmapped addresses");
     assert_eq!(findings.refused, [""; 0], "refused accesses");
-    assert_eq!(
-        findings.unrouted, [""; 0],
-        "interrupts that are not connected to the NVIC"
-    );
+    assert_eq!(findings.unrouted, [""; 0], "interrupts that are not connected to the NVIC");
     assert_eq!(findings.unexpected(board.model()), [""; 0]);
-    assert_eq!(
-        board.converters().violations(),
-        0,
-        "violations of the converters' rules"
-    );
+    assert_eq!(board.converters().violations(), 0, "violations of the converters' rules");
     if let Some(host) = board.port().usb() {
         let violations: Vec<String> = host.violations().iter().map(ToString::to_string).collect();
         assert_eq!(violations, [""; 0], "violations of USB");
     }
-    assert_eq!(
-        board.non_byte_words(),
-        0,
-        "SPI words that are not 8 bits wide"
-    );
+    assert_eq!(board.non_byte_words(), 0, "SPI words that are not 8 bits wide");
     Ok(())
 }

@@ -44,11 +44,7 @@ impl Repeatable {
         start(board, streams)?;
         let after = board.converters().samples_delivered();
         let first = before.saturating_sub(1)..=after + 1;
-        Ok(Self {
-            streams,
-            commands: commands.to_vec(),
-            first,
-        })
+        Ok(Self { streams, commands: commands.to_vec(), first })
     }
 
     /// Asserts that the items that `select` picks from the board's frames equal host-sim's bit for
@@ -93,10 +89,7 @@ fn simulated(streams: Streams, commands: &[ToDevice<'_>], first: u64, samples: u
         let frame = Encoder::default().encode(0, command, &mut buffer);
         board.receive(frame.expect("a command fits a frame"), 0);
     }
-    let start = Start {
-        streams,
-        mains_hz: 0,
-    };
+    let start = Start { streams, mains_hz: 0 };
     board.start(start, 0);
     for number in 0..samples {
         let sample = Sample {

@@ -28,32 +28,16 @@ pub(crate) fn starts_up(subject: Subject) -> Result<(), BoardError> {
     run_up(&mut board)?;
     let frames = board.inbox().frames();
     let hello = &frames[0];
-    let Kind::Hello {
-        board: name,
-        reset_cause,
-        fault,
-        ..
-    } = &hello.kind
-    else {
+    let Kind::Hello { board: name, reset_cause, fault, .. } = &hello.kind else {
         panic!("the first frame is {hello:?}");
     };
     assert_eq!(
         (name.as_str(), *reset_cause, fault.as_str()),
         (subject.model.facts().name, ResetCause::PowerOn, "")
     );
-    assert!(
-        hello.device_us < HELLO_US,
-        "Hello at {} us",
-        hello.device_us
-    );
-    let capabilities = frames
-        .iter()
-        .filter(|frame| frame.kind == Kind::Capabilities);
-    assert_eq!(
-        capabilities.count(),
-        1,
-        "Capabilities is longer than any buffer of the port"
-    );
+    assert!(hello.device_us < HELLO_US, "Hello at {} us", hello.device_us);
+    let capabilities = frames.iter().filter(|frame| frame.kind == Kind::Capabilities);
+    assert_eq!(capabilities.count(), 1, "Capabilities is longer than any buffer of the port");
     for (number, frame) in (0..).zip(frames) {
         assert_eq!(frame.seq, number, "a frame is missing");
     }
@@ -64,10 +48,7 @@ pub(crate) fn starts_up(subject: Subject) -> Result<(), BoardError> {
     // SCLK is 100 kHz for registers and 12.8 MHz for samples on the STM32H743, 82 kHz and 10.5 MHz
     // on the others (docs/hardware.md). The converters run, so SCLK must be set for samples.
     let burst_hz = board.sclk_hz();
-    assert!(
-        (10_000_000..=20_000_000).contains(&burst_hz),
-        "SCLK of {burst_hz} Hz"
-    );
+    assert!((10_000_000..=20_000_000).contains(&burst_hz), "SCLK of {burst_hz} Hz");
     if let Some(baud) = board.port().baud() {
         // Over a byte's ten bits, sender and ST-LINK may drift apart by half a bit, less a margin
         // for noise; this usually leaves 2 % to each of them.
@@ -87,18 +68,12 @@ pub(crate) fn starts_up(subject: Subject) -> Result<(), BoardError> {
 /// Scenario: without a clock at the HSE input, the board runs from its internal oscillator and
 /// reports that the clock is missing.
 pub(crate) fn starts_up_without_the_clock(subject: Subject) -> Result<(), BoardError> {
-    let setup = Setup {
-        clock_hz: 0,
-        ..subject.setup()
-    };
+    let setup = Setup { clock_hz: 0, ..subject.setup() };
     let mut board = running_with(subject, &setup)?;
     let greetings = greetings(board.inbox().frames());
     let (cause, fault) = &greetings[0];
     assert_eq!(*cause, ResetCause::PowerOn);
-    assert!(
-        fault.contains("no clock at the HSE input"),
-        "Hello reports {fault:?}"
-    );
+    assert!(fault.contains("no clock at the HSE input"), "Hello reports {fault:?}");
     assert_core_runs_at(&mut board, subject.model.facts().core_hz)?;
     assert_no_findings(&mut board)
 }
@@ -111,10 +86,7 @@ pub(crate) fn runs_from_the_clocks_of_an_st_link(subject: Subject) -> Result<(),
         Cable::Usb => (8_333_333, 480_000_000),
         Cable::Uart => (7_976_000, 478_560_000),
     };
-    let setup = Setup {
-        clock_hz,
-        ..subject.setup()
-    };
+    let setup = Setup { clock_hz, ..subject.setup() };
     let mut board = running_with(subject, &setup)?;
     let (_, fault) = &greetings(board.inbox().frames())[0];
     assert_eq!(fault, "");
@@ -132,10 +104,7 @@ pub(crate) fn runs_from_the_clocks_of_an_st_link(subject: Subject) -> Result<(),
     let millihertz = pick(board.inbox().frames(), rate).next_back();
     let expected = u32::try_from(512_000 * 480_000_000 / core_hz).expect("a rate");
     let difference = millihertz.map(|millihertz| millihertz.abs_diff(expected));
-    assert!(
-        difference.is_some_and(|mhz| mhz < 20),
-        "{millihertz:?} for {expected}"
-    );
+    assert!(difference.is_some_and(|mhz| mhz < 20), "{millihertz:?} for {expected}");
     subject.record("clock_hz", clock_hz);
     assert_sound(&mut board)
 }
@@ -143,25 +112,16 @@ pub(crate) fn runs_from_the_clocks_of_an_st_link(subject: Subject) -> Result<(),
 /// Asserts that the core runs at `hz`, within 1 ppm, the precision of a fractional PLL.
 fn assert_core_runs_at(board: &mut VirtualBoard, hz: u64) -> Result<(), BoardError> {
     let found_hz = board.core_hz()?;
-    assert!(
-        found_hz.abs_diff(hz) * 1_000_000 <= hz,
-        "{found_hz} Hz, {hz} expected"
-    );
+    assert!(found_hz.abs_diff(hz) * 1_000_000 <= hz, "{found_hz} Hz, {hz} expected");
     Ok(())
 }
 
 /// Scenario: a clock that the board does not know is refused.
 pub(crate) fn refuses_an_unknown_clock(subject: Subject) -> Result<(), BoardError> {
-    let setup = Setup {
-        clock_hz: 12_000_000,
-        ..subject.setup()
-    };
+    let setup = Setup { clock_hz: 12_000_000, ..subject.setup() };
     let mut board = running_with(subject, &setup)?;
     let (_, fault) = &greetings(board.inbox().frames())[0];
-    assert!(
-        fault.contains("a frequency that this board does not know"),
-        "{fault:?}"
-    );
+    assert!(fault.contains("a frequency that this board does not know"), "{fault:?}");
     assert_core_runs_at(&mut board, subject.model.facts().core_hz)?;
     assert_no_findings(&mut board)
 }
@@ -204,18 +164,15 @@ type Wanted = (&'static str, u16, u8);
 /// Returns the DMA interrupts of the converters' SPI (RM0433 rev 9, table 147; RM0390, table 38).
 fn spi_interrupts(model: Model) -> [Wanted; 2] {
     match model {
-        Model::H743 => [
-            ("DMA1 stream 0, SPI", 11, priority::DRDY),
-            ("DMA1 stream 1, SPI", 12, priority::DRDY),
-        ],
-        Model::F446 => [
-            ("DMA1 stream 3, SPI", 14, priority::DRDY),
-            ("DMA1 stream 4, SPI", 15, priority::DRDY),
-        ],
-        Model::Ironbci => [
-            ("DMA1 stream 2, SPI", 13, priority::DRDY),
-            ("DMA1 stream 5, SPI", 16, priority::DRDY),
-        ],
+        Model::H743 => {
+            [("DMA1 stream 0, SPI", 11, priority::DRDY), ("DMA1 stream 1, SPI", 12, priority::DRDY)]
+        }
+        Model::F446 => {
+            [("DMA1 stream 3, SPI", 14, priority::DRDY), ("DMA1 stream 4, SPI", 15, priority::DRDY)]
+        }
+        Model::Ironbci => {
+            [("DMA1 stream 2, SPI", 13, priority::DRDY), ("DMA1 stream 5, SPI", 16, priority::DRDY)]
+        }
     }
 }
 
@@ -250,11 +207,7 @@ fn assert_interrupts_have_their_priorities(
 ) -> Result<(), BoardError> {
     let enabled = board.interrupts()?;
     let spi = spi_interrupts(subject.model);
-    let wanted: Vec<_> = COMMON
-        .iter()
-        .chain(&spi)
-        .chain(port_interrupts(subject))
-        .collect();
+    let wanted: Vec<_> = COMMON.iter().chain(&spi).chain(port_interrupts(subject)).collect();
     for (name, line, level) in &wanted {
         let found = enabled.iter().find(|interrupt| interrupt.0 == *line);
         assert_eq!(found.map(|interrupt| interrupt.1), Some(*level), "{name}");
@@ -264,10 +217,7 @@ fn assert_interrupts_have_their_priorities(
     });
     // embassy enables the interrupts of all DMA streams, but unused streams never interrupt.
     let unknown: Vec<_> = urgent.filter(|(line, _)| !is_inactive(*line)).collect();
-    assert!(
-        unknown.is_empty(),
-        "unexpected urgent interrupts: {unknown:?}"
-    );
+    assert!(unknown.is_empty(), "unexpected urgent interrupts: {unknown:?}");
     Ok(())
 }
 

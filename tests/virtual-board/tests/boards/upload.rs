@@ -51,9 +51,7 @@ pub(crate) fn upload() -> ([u8; 8], Vec<ToDevice<'static>>) {
         bytes: u32::try_from(bytes.len()).expect("short"),
         crc: model_crc(bytes),
     };
-    let chunks = (0..)
-        .step_by(MAX_CHUNK_BYTES)
-        .zip(bytes.chunks(MAX_CHUNK_BYTES));
+    let chunks = (0..).step_by(MAX_CHUNK_BYTES).zip(bytes.chunks(MAX_CHUNK_BYTES));
     let chunks = chunks.map(|(offset, bytes)| ToDevice::ModelChunk(ModelChunk { offset, bytes }));
     let commands = [ToDevice::ModelBegin(begin)].into_iter().chain(chunks);
     (*id, commands.chain([ToDevice::ModelEnd]).collect())
@@ -84,9 +82,7 @@ pub(crate) fn uploaded_model_is_used(subject: Subject) -> Result<(), BoardError>
     assert_eq!(reported, id);
     let upload_us = last_us - first.device_us;
     assert!(upload_us < longest_us(subject), "{upload_us} us");
-    run_frames(&mut board, compared(subject), 62_500, |frames| {
-        blocks(frames).len()
-    })?;
+    run_frames(&mut board, compared(subject), 62_500, |frames| blocks(frames).len())?;
 
     let (equal, inbox) = run.assert_equal(&board, HOP, blocks);
     let codes = board.inbox().codes().map(|(_, code)| code);
@@ -112,10 +108,7 @@ pub(crate) fn unsound_upload_is_refused(subject: Subject) -> Result<(), BoardErr
     begin.crc ^= 1;
     let (chunk, next, begin) = (*chunk, *next, ToDevice::ModelBegin(*begin));
     for (command, result) in [
-        (
-            ToDevice::ModelBegin(ModelBegin::default()),
-            AckResult::BadArgument,
-        ),
+        (ToDevice::ModelBegin(ModelBegin::default()), AckResult::BadArgument),
         (chunk, AckResult::BadArgument),
         (ToDevice::ModelEnd, AckResult::BadArgument),
         (begin, AckResult::Done),

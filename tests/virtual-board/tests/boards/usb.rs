@@ -20,19 +20,13 @@ const EARLY_US: std::ops::Range<u64> = 100_000..240_000;
 const EARLY_STEP_US: usize = 17_001;
 
 fn host(board: &VirtualBoard) -> UsbHost {
-    board
-        .port()
-        .usb()
-        .expect("an image with a USB port")
-        .clone()
+    board.port().usb().expect("an image with a USB port").clone()
 }
 
 /// Runs until the host sees the device in `state`.
 fn reach(board: &mut VirtualBoard, state: State) -> Result<(), BoardError> {
     let host = host(board);
-    board.run_until(&format!("{state:?}"), ENUMERATION_US, |_| {
-        host.state() == state
-    })
+    board.run_until(&format!("{state:?}"), ENUMERATION_US, |_| host.state() == state)
 }
 
 /// Asserts that the host enumerates a device that has just started, and finds its serial port and
@@ -43,10 +37,7 @@ pub(crate) fn assert_enumerates(board: &mut VirtualBoard) -> Result<(), BoardErr
     assert_eq!((device.vendor, device.product), (0x1209, 0x0001));
     let strings = [device.manufacturer, device.product_name];
     assert_eq!(strings, ["Corticode", "Corticode"]);
-    assert!(
-        device.capabilities.is_some(),
-        "a USB 2.1 device has a BOS descriptor"
-    );
+    assert!(device.capabilities.is_some(), "a USB 2.1 device has a BOS descriptor");
     ping(board, ANSWER_US)
 }
 
@@ -63,17 +54,10 @@ pub(crate) fn works_after_pauses_and_suspend(subject: Subject) -> Result<(), Boa
     host.command(Command::PauseReading(false));
     run_codes(&mut board, 8)?;
     // The device's count of dropped frames must equal the number of frame numbers that are missing.
-    let seqs: Vec<u32> = board
-        .inbox()
-        .frames()
-        .iter()
-        .map(|frame| frame.seq)
-        .collect();
+    let seqs: Vec<u32> = board.inbox().frames().iter().map(|frame| frame.seq).collect();
     let missing: u32 = seqs.windows(2).map(|pair| pair[1] - pair[0] - 1).sum();
     run_codes(&mut board, 20)?;
-    let dropped = stats(board.inbox().frames())
-        .expect("a report")
-        .frames_dropped;
+    let dropped = stats(board.inbox().frames()).expect("a report").frames_dropped;
     assert_eq!(dropped, missing, "missing frame numbers and dropped frames");
     assert!(board.inbox().codes().count() > codes);
     assert_eq!(board.inbox().decode_errors(), [""; 0]);
@@ -147,9 +131,6 @@ fn reach_without_reopening(board: &mut VirtualBoard, state: State) -> Result<(),
 fn assert_sound_but_cut_frames(board: &mut VirtualBoard) -> Result<(), BoardError> {
     assert_no_findings(board)?;
     let bad = board.inbox().decode_errors();
-    assert!(
-        bad.len() <= 3,
-        "more than one for each time the port was closed: {bad:?}"
-    );
+    assert!(bad.len() <= 3, "more than one for each time the port was closed: {bad:?}");
     Ok(())
 }

@@ -30,27 +30,18 @@ const START_US: u64 = 500_000;
 /// it resets a hung board after its timeout.
 pub(crate) fn watchdog_works_over_the_oscillator_range(subject: Subject) -> Result<(), BoardError> {
     for hz in range(subject.model) {
-        let setup = Setup {
-            lsi_hz: Some(hz),
-            ..subject.setup()
-        };
+        let setup = Setup { lsi_hz: Some(hz), ..subject.setup() };
         let mut board = running_with(subject, &setup)?;
         start(&mut board, Streams::CODES)?;
         // Run for one second, several times the watchdog's timeout; the start has taken as long.
         board.run_for_us(1_000_000)?;
-        assert_eq!(
-            greetings(board.inbox().frames()).len(),
-            1,
-            "resets of a healthy board"
-        );
+        assert_eq!(greetings(board.inbox().frames()).len(), 1, "resets of a healthy board");
         assert_sound(&mut board)?;
 
         let at_us = board.now_us();
         board.inject_at("I2C3_EV", Injection::Hang)?;
         let longest_us = watchdog_us(hz) + FED_US + START_US;
-        board.run_until("Hello after a hang", longest_us, |frames| {
-            greetings(frames).len() == 2
-        })?;
+        board.run_until("Hello after a hang", longest_us, |frames| greetings(frames).len() == 2)?;
         let (cause, _) = greetings(board.inbox().frames()).remove(1);
         assert_eq!(cause, ResetCause::Watchdog);
         let resets = board.findings()?.resets;
@@ -59,10 +50,7 @@ pub(crate) fn watchdog_works_over_the_oscillator_range(subject: Subject) -> Resu
         // after the hang; the range allows two.
         let range_us = watchdog_us(hz).saturating_sub(2 * FED_US)..watchdog_us(hz) + 2 * FED_US;
         let took_us = reset_us - at_us;
-        assert!(
-            range_us.contains(&took_us),
-            "{took_us} us at {hz} Hz, {range_us:?} expected"
-        );
+        assert!(range_us.contains(&took_us), "{took_us} us at {hz} Hz, {range_us:?} expected");
         subject.record(&format!("hang_to_reset_us_at_{hz}_hz"), took_us);
     }
     Ok(())

@@ -29,9 +29,7 @@ fn mixture(seed: u64) -> [[f32; ELECTRODES]; 4] {
 /// Returns 90 s of a head with three loud, slow sources and a quiet rhythm of 8 to 30 Hz.
 fn head(seed: u64) -> Track {
     let mut rng = ChaCha8Rng::seed_from_u64(seed + 100);
-    let noise: Vec<f32> = (0..90 * 128)
-        .map(|_| rng.random_range(-30.0..30.0))
-        .collect();
+    let noise: Vec<f32> = (0..90 * 128).map(|_| rng.random_range(-30.0..30.0)).collect();
     let sections = model_gen::band_power_sections([8.0, 30.0], 128.0);
     let rhythm = band_passed(&Track::new("rhythm", 1, noise), &sections);
     let weights = mixture(seed);
@@ -44,9 +42,7 @@ fn head(seed: u64) -> Track {
         let sources = [slow[0], slow[1], slow[2], *rhythm as f32];
         let at = |electrode: usize| {
             let parts = sources.iter().zip(&weights);
-            parts
-                .map(|(source, weights)| source * weights[electrode])
-                .sum::<f32>()
+            parts.map(|(source, weights)| source * weights[electrode]).sum::<f32>()
         };
         let values: [f32; ELECTRODES] = std::array::from_fn(at);
         values.map(|value| value + rng.random_range(-0.5..0.5))
@@ -67,9 +63,7 @@ fn the_root_is_numpys_and_its_square_times_the_inverse_is_the_identity() {
     std::fs::write(&file, bytes.collect::<Vec<u8>>()).unwrap();
     // Use Debian's Python: another Python on the PATH can lack numpy.
     let mut python = Command::new("/usr/bin/python3");
-    python
-        .args(["-c", include_str!("reference.py"), "8"])
-        .arg(&file);
+    python.args(["-c", include_str!("reference.py"), "8"]).arg(&file);
     let output = python.output();
     std::fs::remove_file(&file).unwrap();
     let errors = match &output {
@@ -87,9 +81,7 @@ fn the_root_is_numpys_and_its_square_times_the_inverse_is_the_identity() {
     let output = output.unwrap();
     assert!(output.status.success(), "{errors}");
     let text = String::from_utf8(output.stdout).unwrap();
-    let expected = text
-        .split_whitespace()
-        .map(|number| number.parse::<f64>().unwrap());
+    let expected = text.split_whitespace().map(|number| number.parse::<f64>().unwrap());
     let expected = DMatrix::from_row_iterator(size, size, expected);
     let difference = (&root - &expected).amax() / expected.amax();
     assert!(difference < 1e-6, "{difference}");
@@ -99,9 +91,7 @@ fn the_root_is_numpys_and_its_square_times_the_inverse_is_the_identity() {
 /// its error, dB. The rhythm is extracted with the filter that suppresses the loud sources.
 fn rhythm_snr(model: &PackedModel, track: &Track, description: &Description) -> Vec<[f64; 2]> {
     let weights = mixture(1).map(|weights| weights.map(f64::from));
-    let mixture = DMatrix::from_fn(ELECTRODES, 4, |electrode, source| {
-        weights[source][electrode]
-    });
+    let mixture = DMatrix::from_fn(ELECTRODES, 4, |electrode, source| weights[source][electrode]);
     let filter = mixture.svd(true, true).pseudo_inverse(1e-9).unwrap();
     let sections = model_gen::band_power_sections([8.0, 30.0], 128.0);
     let power = |values: Vec<f32>| {
@@ -112,18 +102,12 @@ fn rhythm_snr(model: &PackedModel, track: &Track, description: &Description) -> 
     let mut ratios = Vec::new();
     let mut observe = |decoded: &[DMatrix<f32>]| {
         #[expect(clippy::cast_possible_truncation, reason = "signals are f32")]
-        let errors = decoded[0]
-            .iter()
-            .zip(&track.values)
-            .map(|(x, uv)| x * sd_uv as f32 - uv);
+        let errors = decoded[0].iter().zip(&track.values).map(|(x, uv)| x * sd_uv as f32 - uv);
         ratios.push(10.0 * (power(track.values.clone()) / power(errors.collect())).log10());
     };
     let tracks = std::slice::from_ref(track);
     let figures = evaluate(model, tracks, description, &mut observe).unwrap();
-    let pairs = figures
-        .iter()
-        .zip(ratios)
-        .map(|(figures, ratio)| [figures.bits, ratio]);
+    let pairs = figures.iter().zip(ratios).map(|(figures, ratio)| [figures.bits, ratio]);
     pairs.take(6).collect()
 }
 
@@ -142,19 +126,14 @@ fn a_quiet_rhythm_has_a_smaller_error_at_equal_bits() {
     let plain = rhythm_snr(&fitted(None), &track, &description);
     let mut compared = 0;
     for [bits, ratio] in rhythm_snr(&weighted, &track, &description) {
-        let pair = plain
-            .windows(2)
-            .find(|pair| (pair[1][0]..=pair[0][0]).contains(&bits));
+        let pair = plain.windows(2).find(|pair| (pair[1][0]..=pair[0][0]).contains(&bits));
         let Some([[more, finer], [less, coarser]]) = pair else {
             continue;
         };
         let part = (bits / less).log2() / (more / less).log2();
         let expected = coarser + part * (finer - coarser);
         compared += 1;
-        assert!(
-            ratio > expected + 2.0,
-            "{ratio} dB beside {expected} dB in {bits} bits"
-        );
+        assert!(ratio > expected + 2.0, "{ratio} dB beside {expected} dB in {bits} bits");
     }
     assert!(compared >= 3, "{compared}");
 }
@@ -162,14 +141,7 @@ fn a_quiet_rhythm_has_a_smaller_error_at_equal_bits() {
 #[test]
 fn probes_find_another_head_and_a_noisy_electrode() {
     let description = description();
-    let model = fit(
-        &[head(1)],
-        &description,
-        COEFFICIENTS,
-        Some(motor()),
-        &mut |_| (),
-    )
-    .unwrap();
+    let model = fit(&[head(1)], &description, COEFFICIENTS, Some(motor()), &mut |_| ()).unwrap();
     let misfits = |track: &Track| {
         let blocks = track.values.chunks_exact(8 * ELECTRODES);
         let count = blocks.len();
@@ -191,8 +163,5 @@ fn probes_find_another_head_and_a_noisy_electrode() {
         *value += rng.random_range(-100.0..100.0);
     }
     let [own, other, noisy] = [&own, &head(2), &noisy].map(misfits);
-    assert!(
-        own < 0.01 && other > 0.5 && noisy > 0.5,
-        "{own} {other} {noisy}"
-    );
+    assert!(own < 0.01 && other > 0.5 && noisy > 0.5, "{own} {other} {noisy}");
 }

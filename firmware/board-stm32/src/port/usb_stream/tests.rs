@@ -260,11 +260,7 @@ fn an_empty_packet_from_the_host_does_not_end_the_stream() {
         }
     }
 
-    let mut receiver = Receiver(Packets(VecDeque::from([
-        Vec::new(),
-        Vec::new(),
-        Vec::from([5]),
-    ])));
+    let mut receiver = Receiver(Packets(VecDeque::from([Vec::new(), Vec::new(), Vec::from([5])])));
     let mut packet = [0; PACKET];
     assert_eq!(block_on(receiver.read(&mut packet)), Ok(1));
     assert_eq!(block_on(receiver.read(&mut packet)), Err(Closed));

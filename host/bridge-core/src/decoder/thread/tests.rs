@@ -74,10 +74,7 @@ fn code(window: u32, is_received: bool) -> TimedCode {
     TimedCode {
         z: is_received.then(|| vec![0.0; 128]),
         stamp: Stamp::from_nanoseconds(window.into()),
-        words: TriWords {
-            window,
-            ..TriWords::default()
-        },
+        words: TriWords { window, ..TriWords::default() },
     }
 }
 
@@ -156,10 +153,7 @@ fn block(index: u32, bytes: Option<Vec<u8>>, is_first: bool) -> TimedPackedBlock
         block: bytes.map(|bytes| PackedBytes { bytes, rate: 4 }),
         is_first,
         stamp: Stamp::from_nanoseconds(index.into()),
-        words: TriWords {
-            window: index,
-            ..TriWords::default()
-        },
+        words: TriWords { window: index, ..TriWords::default() },
     }
 }
 
@@ -292,10 +286,7 @@ fn codes_are_decoded_only_while_someone_receives_them_and_numbers_continue() {
 
 #[test]
 fn the_end_does_not_wait_for_a_long_queue_and_counts_what_is_left() {
-    let slow = Places {
-        delay: Duration::from_millis(50),
-        ..Places::default()
-    };
+    let slow = Places { delay: Duration::from_millis(50), ..Places::default() };
     let mut decoder = slow.start();
     decoder.start_device(reconstruction(), None);
     // Queue codes whose frames take the slow sink 60 s.

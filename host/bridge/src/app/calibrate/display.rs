@@ -34,13 +34,7 @@ impl Display {
         let style = ProgressStyle::with_template("{bar:40} {pos} of {len} s of good signal{msg}");
         let bar = ProgressBar::new(wanted as u64);
         bar.set_style(style.expect("the template is correct"));
-        Display {
-            bar,
-            rows,
-            labels,
-            wanted,
-            shown: 0,
-        }
+        Display { bar, rows, labels, wanted, shown: 0 }
     }
 
     /// Shows the good signal so far, the newest second of each electrode, and the faults of
@@ -60,11 +54,8 @@ impl Display {
             .filter(|&at| signal.newest_bad.get(at) == Some(&true))
             .map(|at| self.labels[at].as_str())
             .collect();
-        let mut bad = if bad.is_empty() {
-            String::new()
-        } else {
-            format!("; bad now: {}", bad.join(" "))
-        };
+        let mut bad =
+            if bad.is_empty() { String::new() } else { format!("; bad now: {}", bad.join(" ")) };
         if let Some(faults) = faults {
             bad.push_str("; the device finds ");
             bad.push_str(faults);
@@ -79,11 +70,7 @@ impl Display {
             let Some((label, at)) = cell else {
                 return " ".repeat(8);
             };
-            let mark = if signal.newest_bad.get(*at) == Some(&true) {
-                '!'
-            } else {
-                ' '
-            };
+            let mark = if signal.newest_bad.get(*at) == Some(&true) { '!' } else { ' ' };
             let rms = rms.get(*at).copied().unwrap_or_default();
             format!("{mark}{label:>3}{rms:>4.0}")
         };

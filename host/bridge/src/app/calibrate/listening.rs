@@ -45,8 +45,7 @@ impl Listening {
                 continue;
             }
             if !std::mem::replace(&mut self.continues, true) {
-                self.stretches
-                    .push(Track::new("device", electrodes, Vec::new()));
+                self.stretches.push(Track::new("device", electrodes, Vec::new()));
             }
             if let Some(stretch) = self.stretches.last_mut() {
                 stretch.values.extend_from_slice(step);
@@ -56,10 +55,7 @@ impl Listening {
 
     /// Returns the number of whole seconds in all stretches.
     pub(crate) fn seconds(&self) -> usize {
-        let seconds = self
-            .stretches
-            .iter()
-            .map(|stretch| stretch.steps() / SECOND);
+        let seconds = self.stretches.iter().map(|stretch| stretch.steps() / SECOND);
         seconds.sum()
     }
 

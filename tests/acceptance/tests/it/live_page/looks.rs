@@ -51,11 +51,7 @@ pub(super) fn the_page_looks_right(browser: &Browser) {
     show(browser, "Fp1 F3 Fz F4 C3 Cz C4 P3 Pz P4 O1 Oz O2");
     std::thread::sleep(Duration::from_secs(2));
     let chosen = "return document.querySelector('circle.chosen + text').textContent";
-    assert_eq!(
-        browser.run(chosen),
-        "Fp1",
-        "the first of the shown electrodes"
-    );
+    assert_eq!(browser.run(chosen), "Fp1", "the first of the shown electrodes");
     draw(browser, "light.webp");
     browser.prefer_dark(true);
     choose(browser, "over", "none");

@@ -59,18 +59,11 @@ pub(super) fn an_hour_is_kept_in_bounded_memory(browser: &Browser) {
             "{minute}: {bytes}"
         );
     }
-    assert!(
-        steps[64] < sample * (3600.0 * 128.0 + 2.0 * chunk),
-        "{}",
-        steps[64]
-    );
+    assert!(steps[64] < sample * (3600.0 * 128.0 + 2.0 * chunk), "{}", steps[64]);
     let seconds = result["steps"]["seconds"].as_f64().expect("seconds");
     assert!((3599.9..3664.0).contains(&seconds), "{seconds} s");
     // 64 MiB are eight minutes of 64 channels at 512 Hz.
-    assert!(
-        tablet.iter().all(|bytes| *bytes <= 64.0 * MIB),
-        "{tablet:?}"
-    );
+    assert!(tablet.iter().all(|bytes| *bytes <= 64.0 * MIB), "{tablet:?}");
     let seconds = result["tablet"]["seconds"].as_f64().expect("seconds");
     assert!((464.0..500.0).contains(&seconds), "{seconds} s");
 }

@@ -31,10 +31,9 @@ pub(super) fn the_spectrum_is_that_of_numpy(browser: &Browser, shown: &Shown) {
     if !numpy_reference::available("the spectrum on the live page") {
         return;
     }
-    for (stream, topic, rate, length) in [
-        ("filtered", "/neurodata_corticode", 128, 256),
-        ("raw", "/neurodata", 512, 1024),
-    ] {
+    for (stream, topic, rate, length) in
+        [("filtered", "/neurodata_corticode", 128, 256), ("raw", "/neurodata", 512, 1024)]
+    {
         let is_average = stream == "raw";
         choose(browser, "stream", stream);
         if is_average {
@@ -70,9 +69,7 @@ pub(super) fn the_spectrum_is_that_of_numpy(browser: &Browser, shown: &Shown) {
                 wire.float32(index, wire.channel(&label))
             }
         };
-        let fillers = samples
-            .clone()
-            .map(|index| u8::from(wire.samples[index].is_filler));
+        let fillers = samples.clone().map(|index| u8::from(wire.samples[index].is_filler));
         let given = json!({
             "rate": rate,
             "length": length,
@@ -92,16 +89,9 @@ pub(super) fn the_spectrum_is_that_of_numpy(browser: &Browser, shown: &Shown) {
             let words: Vec<&str> = text.split(' ').collect();
             let [shown, hertz] =
                 [words[1], words[4]].map(|word| word.parse::<f64>().expect("a number"));
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "a bin"
-            )]
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a bin")]
             let expected = density[(hertz / step).round() as usize];
-            assert!(
-                (shown / expected - 1.0).abs() < ROUNDING,
-                "{text}: {expected}"
-            );
+            assert!((shown / expected - 1.0).abs() < ROUNDING, "{text}: {expected}");
         }
         assert!(seen.iter().skip(1).all(|text| *text != seen[0]), "{seen:?}");
         for ((name, low, high), shown) in BANDS.iter().zip(bands.as_array().expect("bands")) {
@@ -111,14 +101,8 @@ pub(super) fn the_spectrum_is_that_of_numpy(browser: &Browser, shown: &Shown) {
             });
             let expected: f64 = bins.map(|(_, density)| density * step).sum();
             assert_eq!(shown[0], *name);
-            let shown: f64 = shown[1]
-                .as_str()
-                .and_then(|text| text.parse().ok())
-                .expect("a power");
-            assert!(
-                (shown / expected - 1.0).abs() < ROUNDING,
-                "{name}: {shown}, {expected}"
-            );
+            let shown: f64 = shown[1].as_str().and_then(|text| text.parse().ok()).expect("a power");
+            assert!((shown / expected - 1.0).abs() < ROUNDING, "{name}: {shown}, {expected}");
         }
     }
 }
@@ -143,11 +127,7 @@ pub(super) fn codes_equal_the_lines(browser: &Browser, shown: &Shown) {
         let value: f64 = value.parse().expect("a number");
         let expected = sample.values[wire.channel(&reading.label)];
         assert!(value.total_cmp(&expected).is_eq(), "{text}: {expected}");
-        assert_eq!(
-            reading.has("replaced, was lost"),
-            sample.is_filler,
-            "{text}"
-        );
+        assert_eq!(reading.has("replaced, was lost"), sample.is_filler, "{text}");
     }
     let mut labels: Vec<&String> = seen.iter().map(|reading| &reading.label).collect();
     labels.dedup();
@@ -171,10 +151,7 @@ pub(super) fn packed_figures_equal_the_reports(browser: &Browser, shown: &Shown)
         Some([value("bits per second")?, value("misfits")?])
     });
     let reports: Vec<[f64; 2]> = reports.collect();
-    assert!(
-        reports.contains(&[bits, misfits]),
-        "{bits}, {misfits}: {reports:?}"
-    );
+    assert!(reports.contains(&[bits, misfits]), "{bits}, {misfits}: {reports:?}");
 }
 
 /// Returns the number at the beginning of the figure `name` in the panel Code, if there is one.

@@ -51,7 +51,5 @@ impl Reading {
 /// Converts a time in seconds with six decimal places to microseconds.
 pub(super) fn microseconds(seconds: &str) -> u64 {
     let digits = seconds.replace('.', "");
-    digits
-        .parse()
-        .unwrap_or_else(|_| panic!("{seconds:?} is no time"))
+    digits.parse().unwrap_or_else(|_| panic!("{seconds:?} is no time"))
 }

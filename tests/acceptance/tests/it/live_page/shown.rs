@@ -25,12 +25,7 @@ impl Shown {
         let folder = tempfile::tempdir().expect("a folder");
         let port = free_port().expect("a free port");
         let output = format!("tcp:127.0.0.1:{port}");
-        let options = [
-            "--seed=7",
-            "--realtime",
-            "--duration=600",
-            "--trigger-every=0.7",
-        ];
+        let options = ["--seed=7", "--realtime", "--duration=600", "--trigger-every=0.7"];
         let board = board_with(folder.path(), &output, &options);
         let mut shown = Shown {
             cable: LossyCable::new(port, 1).expect("a cable"),
@@ -47,14 +42,8 @@ impl Shown {
     pub(super) fn start_bridge(&mut self, token: Option<&str>, streams: &str) {
         let streams = format!("--streams={streams}");
         let address = format!("--view-address=127.0.0.1:{}", self.port);
-        let arguments = [
-            "--port",
-            &self.cable.port,
-            "--sink=view,ndjson",
-            &streams,
-            "--exclude=Cz",
-            &address,
-        ];
+        let arguments =
+            ["--port", &self.cable.port, "--sink=view,ndjson", &streams, "--exclude=Cz", &address];
         let token = token.map(|token| ["--view-token", token]);
         let arguments = [&arguments[..], token.as_slice().as_flattened()].concat();
         self.bridge = Some(bridge(self.folder.path(), "bridge", &arguments));
@@ -68,10 +57,7 @@ impl Shown {
     }
 
     pub(super) fn lines(&self) -> String {
-        self.bridge
-            .as_ref()
-            .map(Process::output)
-            .unwrap_or_default()
+        self.bridge.as_ref().map(Process::output).unwrap_or_default()
     }
 
     pub(super) fn url(&self) -> String {

@@ -31,11 +31,7 @@ pub(super) fn values_equal_those_on_the_wire(browser: &Browser, shown: &Shown) {
             let Reading { text, value, .. } = reading;
             assert_eq!(*value, format!("{expected:.3}"), "{text}");
             assert!(text.contains(" uV at "), "{text}");
-            assert_eq!(
-                reading.has("replaced, was lost"),
-                sample.is_filler,
-                "{text}"
-            );
+            assert_eq!(reading.has("replaced, was lost"), sample.is_filler, "{text}");
             let excluded = if stream == "reconstructed" {
                 "electrode filled from the others"
             } else {
@@ -82,13 +78,7 @@ pub(super) fn two_streams_and_the_average_are_those_on_the_wire(browser: &Browse
         ["/neurodata_corticode", "/neurodata_reconstructed"].map(|topic| Wire::read(&lines, topic));
     for (readings, is_average) in [(plain, false), (average, true)] {
         for reading in readings {
-            let Reading {
-                text,
-                label,
-                value,
-                us,
-                ..
-            } = &reading;
+            let Reading { text, label, value, us, .. } = &reading;
             let (at, other) = (filtered.at(*us), decoded.near(*us));
             assert!(decoded.samples[other].us.abs_diff(*us) <= 1, "{text}");
             let expected = [(&filtered, at), (&decoded, other)].map(|(wire, index)| {
@@ -105,11 +95,7 @@ pub(super) fn two_streams_and_the_average_are_those_on_the_wire(browser: &Browse
                 let shown: f64 = shown.parse().expect("a value");
                 assert!((shown - expected).abs() < 0.000_501, "{text}: {expected}");
             }
-            assert_eq!(
-                lost == " (was lost)",
-                decoded.samples[other].is_filler,
-                "{text}"
-            );
+            assert_eq!(lost == " (was lost)", decoded.samples[other].is_filler, "{text}");
             let to = " to the average of 60 electrodes at ";
             assert_eq!(text.contains(to), is_average, "{text}");
         }
@@ -169,18 +155,12 @@ pub(super) fn the_history_reaches_back_to_the_opening_of_the_page(
     const LATE_US: u64 = 1_000_000;
     choose(browser, "stream", "filtered");
     let wire = Wire::read(&shown.lines(), "/neurodata_corticode");
-    assert!(
-        wire.newest() > opened + PLOT_US + LATE_US,
-        "the history is all on the plot"
-    );
+    assert!(wire.newest() > opened + PLOT_US + LATE_US, "the history is all on the plot");
     browser.type_keys("#plot", &HOME.to_string());
     let reading = moved(browser);
     assert!(reading.us < opened + PLOT_US + LATE_US, "{}", reading.text);
     let kept = browser.text("#kept");
-    assert!(
-        kept.contains(" back; ") && kept.contains(" of at most 60 min"),
-        "{kept}"
-    );
+    assert!(kept.contains(" back; ") && kept.contains(" of at most 60 min"), "{kept}");
     browser.type_keys("#plot", &END.to_string());
     let value = wire.samples[wire.at(reading.us)].values[wire.channel(&reading.label)];
     assert_eq!(reading.value, format!("{value:.3}"));

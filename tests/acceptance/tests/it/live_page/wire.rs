@@ -27,11 +27,7 @@ pub(super) struct Wire {
 
 impl Wire {
     pub(super) fn read(lines: &str, topic: &str) -> Wire {
-        let mut wire = Wire {
-            labels: Vec::new(),
-            electrodes: 0,
-            samples: Vec::new(),
-        };
+        let mut wire = Wire { labels: Vec::new(), electrodes: 0, samples: Vec::new() };
         for frame in messages(lines, topic) {
             let blocks = ["eeg", "exg"].map(|name| &frame[name]);
             if wire.labels.is_empty() {
@@ -74,9 +70,7 @@ impl Wire {
 
     pub(super) fn channel(&self, label: &str) -> usize {
         let mut labels = self.labels.iter();
-        labels
-            .position(|one| one == label)
-            .unwrap_or_else(|| panic!("{label} is no label"))
+        labels.position(|one| one == label).unwrap_or_else(|| panic!("{label} is no label"))
     }
 
     /// Returns the index of the sample at a device time.
@@ -112,8 +106,7 @@ impl Wire {
 
 fn texts(list: &Value) -> Vec<String> {
     let list = list.as_array().into_iter().flatten();
-    list.filter_map(|text| text.as_str().map(str::to_owned))
-        .collect()
+    list.filter_map(|text| text.as_str().map(str::to_owned)).collect()
 }
 
 fn numbers(list: &Value) -> Vec<f64> {

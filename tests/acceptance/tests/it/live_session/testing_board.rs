@@ -54,9 +54,7 @@ impl TestingBoard {
             let (host, _) = listener.accept()?;
             pass_on(host, board, result)
         });
-        Ok(Self {
-            port: format!("tcp:{address}"),
-        })
+        Ok(Self { port: format!("tcp:{address}") })
     }
 }
 
@@ -86,10 +84,7 @@ fn pass_on(mut host: TcpStream, mut board: TcpStream, result: SelfTest) -> io::R
                 to_board.write_all(&buffer[..count])?;
                 continue;
             };
-            of_commands.add(&ToHost::Ack(Ack {
-                of,
-                result: AckResult::Done,
-            }))?;
+            of_commands.add(&ToHost::Ack(Ack { of, result: AckResult::Done }))?;
             of_commands.add(&ToHost::SelfTest(result.clone()))?;
         }
     });
@@ -105,13 +100,7 @@ fn pass_on(mut host: TcpStream, mut board: TcpStream, result: SelfTest) -> io::R
             line.newest.store(frame.header.seq, Ordering::SeqCst);
             let added = line.added.load(Ordering::SeqCst);
             let seq = frame.header.seq.wrapping_add(added);
-            line.send(
-                Header {
-                    seq,
-                    ..frame.header
-                },
-                &frame.message,
-            )?;
+            line.send(Header { seq, ..frame.header }, &frame.message)?;
         }
     }
 }

@@ -47,13 +47,7 @@ impl Session {
         let node = start_node(ros, &folder, &options);
         let topic = format!("/{name}/encoded");
         let (listener, encoded) = subscribe::<NeuroFrame>(ros, &topic, &node).await;
-        Session {
-            folder,
-            stream,
-            node,
-            _listener: listener,
-            encoded,
-        }
+        Session { folder, stream, node, _listener: listener, encoded }
     }
 
     /// Starts a player that sends `eeg` to this node.
@@ -80,18 +74,9 @@ impl Session {
         assert!(exit.success(), "{exit}: {log}");
         for pair in frames.windows(2) {
             assert_eq!(pair[1].neuroheader.seq, pair[0].neuroheader.seq + 1);
-            assert!(
-                pair[1].header.stamp > pair[0].header.stamp,
-                "{}: {log}",
-                self.stream
-            );
+            assert!(pair[1].header.stamp > pair[0].header.stamp, "{}: {log}", self.stream);
         }
-        Published {
-            stream: self.stream,
-            frames,
-            start_s: start_s(&player),
-            log,
-        }
+        Published { stream: self.stream, frames, start_s: start_s(&player), log }
     }
 }
 
@@ -116,9 +101,7 @@ impl Published {
     pub(super) fn codes(&self) -> Vec<(usize, &[f32])> {
         let frames = self.frames.iter().enumerate();
         let codes = frames.filter(|(_, frame)| !is_filler(frame));
-        codes
-            .map(|(place, frame)| (place, &*frame.eeg.data))
-            .collect()
+        codes.map(|(place, frame)| (place, &*frame.eeg.data)).collect()
     }
 
     /// Returns how much later the stamp of the frame with index `place` is than expected, in
@@ -146,10 +129,5 @@ pub(super) fn play(
     let [rate, samples] = [eeg.rate_hz, SAMPLES].map(|number| number.to_string());
     let labels = eeg.labels.join(",");
     let arguments = [name, &values, &rate, &samples, &labels, "furlongs"];
-    python(
-        interpreter,
-        folder,
-        "lsl_play",
-        &[&arguments, options].concat(),
-    )
+    python(interpreter, folder, "lsl_play", &[&arguments, options].concat())
 }

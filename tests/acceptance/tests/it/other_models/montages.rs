@@ -54,13 +54,7 @@ const NODE_TEST: &str = "the_program_decodes";
 
 #[test]
 fn every_montage_has_the_codes_of_numpy() {
-    let streamed = [
-        KIT_MONTAGE,
-        TRAINED_MONTAGE,
-        BUILT_IN_MONTAGE,
-        OWN_CAP,
-        IRONBCI,
-    ];
+    let streamed = [KIT_MONTAGE, TRAINED_MONTAGE, BUILT_IN_MONTAGE, OWN_CAP, IRONBCI];
     let montages = any_model::montages().expect("the montages");
     assert!(montages.len() >= 6, "{} montages", montages.len());
     let built_in = artifact().description;
@@ -80,11 +74,8 @@ fn every_montage_has_the_codes_of_numpy() {
 
 #[test]
 fn the_models_for_one_converter_are_sound_and_have_the_codes_of_numpy() {
-    let models = [
-        ("kit-250", KIT_MONTAGE, 250),
-        ("kit-500", KIT_MONTAGE, 500),
-        ("ironbci", IRONBCI, 250),
-    ];
+    let models =
+        [("kit-250", KIT_MONTAGE, 250), ("kit-500", KIT_MONTAGE, 500), ("ironbci", IRONBCI, 250)];
     for (seed, (name, montage, rate_hz)) in (1..).zip(models) {
         let montages = workspace::root().join("files/montages");
         let montage = MontageFile::read(&montages.join(montage).with_extension("toml"));
@@ -226,11 +217,7 @@ fn play(built: &OtherModel, artifact: &Artifact, frames: &Path) -> usize {
     let window = &description.window;
     let expected = (steps - window.steps as u64) / window.hop as u64 + 1;
     assert_eq!(codes.len() as u64, expected);
-    assert!(
-        codes
-            .iter()
-            .all(|levels| levels.len() == description.code.numbers)
-    );
+    assert!(codes.iter().all(|levels| levels.len() == description.code.numbers));
     let changes = codes.windows(2).filter(|pair| pair[0] != pair[1]).count();
     assert!(changes > codes.len() / 2, "{changes} of {}", codes.len());
     codes.len()

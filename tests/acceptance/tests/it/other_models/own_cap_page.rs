@@ -15,19 +15,14 @@ use artifact::Artifact;
 /// Beginnings of those commands in docs/your-own-cap.md that the test leaves out, because they take
 /// minutes or need a board. Other tests cover model costs (`bench`) and boards (`cargo xtask
 /// board`).
-const ELSEWHERE: [&str; 3] = [
-    "cargo build --release --package trainer",
-    "cargo xtask",
-    "cargo flash",
-];
+const ELSEWHERE: [&str; 3] =
+    ["cargo build --release --package trainer", "cargo xtask", "cargo flash"];
 
 /// Address of the simulator in the commands of docs/your-own-cap.md.
 const PORT: &str = "127.0.0.1:5555";
 
 /// Labels of the channels in the synthetic recordings: the cap's electrodes, and some others.
-const LABELS: [&str; 11] = [
-    "Fz", "Fp1", "Fp2", "C3", "Cz", "C4", "P7", "P8", "O1", "O2", "ECG",
-];
+const LABELS: [&str; 11] = ["Fz", "Fp1", "Fp2", "C3", "Cz", "C4", "P7", "P8", "O1", "O2", "ECG"];
 /// Duration of each synthetic recording in seconds.
 const SECONDS: u32 = 20;
 /// Sampling rate of the synthetic recordings, Hz.
@@ -48,11 +43,9 @@ fn the_commands_of_the_page_decode_the_codes_of_a_cap_with_eight_electrodes() {
     fs::create_dir_all(&release).expect("a folder");
     let [_, (_, programs_of_other_models)] = other_model::environment();
     let built = programs_of_other_models.join("debug/host-sim");
-    for (program, path) in [
-        ("trainer", &trainer),
-        ("host-sim", &built),
-        ("corticode-bridge", &programs().bridge),
-    ] {
+    for (program, path) in
+        [("trainer", &trainer), ("host-sim", &built), ("corticode-bridge", &programs().bridge)]
+    {
         symlink(path, release.join(program)).expect("a link");
     }
     let recordings = folder.join("recordings");
@@ -130,9 +123,7 @@ fn as_tested(command: &str, root: &Path) -> String {
         options.join(" ")
     );
     // Leave out the build of the bridge, which does not depend on the model and is built already.
-    command
-        .replace("cargo build --release", &build)
-        .replace(" --bin corticode-bridge", "")
+    command.replace("cargo build --release", &build).replace(" --bin corticode-bridge", "")
 }
 
 /// Returns the commands in the code blocks of docs/your-own-cap.md that start with "```sh".

@@ -19,10 +19,7 @@ fn model() -> Artifact {
 #[test]
 fn a_model_without_a_network_encodes_and_decodes_recordings() {
     let model = model();
-    assert!(
-        model.substitution.is_some(),
-        "a table, for the test of the device"
-    );
+    assert!(model.substitution.is_some(), "a table, for the test of the device");
     let folder = tempfile::tempdir().expect("a folder");
     let artifact = folder.path().join("model");
     model.write(&artifact).expect("a folder to write to");

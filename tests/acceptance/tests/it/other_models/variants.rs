@@ -53,38 +53,16 @@ impl Input {
 }
 
 /// Size of the smallest model. Its grid of four electrodes is too small for a convolution.
-const SMALLEST: Size = Size {
-    grid: [2, 2],
-    electrodes: 4,
-    steps: 16,
-    hop: 4,
-    numbers: 8,
-};
+const SMALLEST: Size = Size { grid: [2, 2], electrodes: 4, steps: 16, hop: 4, numbers: 8 };
 
 /// Size of the largest model.
-const LARGEST: Size = Size {
-    grid: [12, 12],
-    electrodes: 64,
-    steps: 32,
-    hop: 4,
-    numbers: 256,
-};
+const LARGEST: Size = Size { grid: [12, 12], electrodes: 64, steps: 32, hop: 4, numbers: 256 };
 
 /// Size of a model with one row of electrodes, which a convolution can read only with padding.
-const ROW: Size = Size {
-    grid: [1, 8],
-    electrodes: 8,
-    steps: 32,
-    hop: 8,
-    numbers: 32,
-};
+const ROW: Size = Size { grid: [1, 8], electrodes: 8, steps: 32, hop: 8, numbers: 32 };
 
 /// Formats of the codes; successive variants use them in turn.
-const FORMATS: [CodeFormat; 3] = [
-    CodeFormat::Int8Exponent,
-    CodeFormat::Int16,
-    CodeFormat::Int8,
-];
+const FORMATS: [CodeFormat; 3] = [CodeFormat::Int8Exponent, CodeFormat::Int16, CodeFormat::Int8];
 
 /// Arguments of cargo that build, for a model, the test of the network's codes.
 const BUILD: &str = "build --workspace --test=streaming_equals_batch";

@@ -125,9 +125,7 @@ mod tests {
         ] {
             assert_eq!(measured[name], bytes, "{name}");
         }
-        budget
-            .faults
-            .push("NUCLEO-F446RE: 600 bytes of FLASH".to_owned());
+        budget.faults.push("NUCLEO-F446RE: 600 bytes of FLASH".to_owned());
         let why = figures(&budget).expect_err("a fault").to_string();
         assert!(why.contains("600 bytes of FLASH"), "{why}");
         budget.boards.clear();

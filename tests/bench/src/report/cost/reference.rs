@@ -69,10 +69,7 @@ fn to_bytes(format: CodeFormat, code: &IntegerCode) -> Vec<u8> {
         CodeFormat::Int16 => values.collect(),
         // A value that fits 8 bits is sent as its lower byte.
         CodeFormat::Int8 => values.step_by(2).collect(),
-        CodeFormat::Int8Exponent => [code.exponent]
-            .into_iter()
-            .chain(values.step_by(2))
-            .collect(),
+        CodeFormat::Int8Exponent => [code.exponent].into_iter().chain(values.step_by(2)).collect(),
     }
 }
 
@@ -86,17 +83,12 @@ mod tests {
         let artifact = checked_in::artifact().expect("the built-in model");
         let reference = Reference::new(&artifact, 15).expect("codes");
         assert_eq!(reference.windows, 3 * (Stress::ALL.len() + 1));
-        reference
-            .expected
-            .assert_codes_of_pipeline(reference.windows);
+        reference.expected.assert_codes_of_pipeline(reference.windows);
     }
 
     #[test]
     fn every_format_has_its_own_bytes() {
-        let code = IntegerCode {
-            exponent: 3,
-            values: vec![-2, 5],
-        };
+        let code = IntegerCode { exponent: 3, values: vec![-2, 5] };
         let bytes = |format| to_bytes(format, &code);
         assert_eq!(bytes(CodeFormat::Int8), [254, 5]);
         assert_eq!(bytes(CodeFormat::Int8Exponent), [3, 254, 5]);

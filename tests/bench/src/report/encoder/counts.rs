@@ -116,9 +116,7 @@ impl Figures {
         let last = steps[COMPLETING].most;
         let worst_over_mean = |left_out| {
             let most = steps.iter().map(|step| step.most.saturating_sub(left_out));
-            let fewest = steps
-                .iter()
-                .map(|step| step.fewest.saturating_sub(left_out));
+            let fewest = steps.iter().map(|step| step.fewest.saturating_sub(left_out));
             f64::from(most.max().unwrap_or(u32::MAX)) * f64::from(hop)
                 / f64::from(fewest.sum::<u32>())
         };
@@ -155,12 +153,8 @@ mod tests {
                 ]",
                 "[1000, 1000, 1000], ".repeat(HOP - 1)
             );
-            Self::new(
-                MACHINES[0],
-                toml::from_str(&printed).expect("the lines of an image"),
-                0,
-            )
-            .expect("tallies of all steps and of the shortcut")
+            Self::new(MACHINES[0], toml::from_str(&printed).expect("the lines of an image"), 0)
+                .expect("tallies of all steps and of the shortcut")
         }
     }
 

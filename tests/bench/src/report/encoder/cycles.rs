@@ -51,11 +51,7 @@ pub(crate) struct LoopCycles {
 pub(crate) fn loops(machine: Machine, image: &Image) -> anyhow::Result<Vec<LoopCycles>> {
     let disassembly = disassemble(image.path())?;
     let is_m7 = machine.core == "Cortex-M7";
-    let (cpu, branch) = if is_m7 {
-        ("cortex-m7", BRANCH_M7)
-    } else {
-        ("cortex-m4", BRANCH_M4)
-    };
+    let (cpu, branch) = if is_m7 { ("cortex-m7", BRANCH_M7) } else { ("cortex-m4", BRANCH_M4) };
     let mut loops = Vec::new();
     for (name, products, per_code) in work() {
         let body = Loop::find(&disassembly, name)
@@ -133,9 +129,9 @@ fn arm_table(instructions: &[String]) -> u32 {
     let mut was_single = false;
     for instruction in instructions {
         let name = instruction.split([' ', '.']).next().unwrap_or(instruction);
-        let registers = instruction.split_once('{').map_or(0, |(_, list)| {
-            u32::try_from(list.split(',').count()).unwrap_or(u32::MAX)
-        });
+        let registers = instruction
+            .split_once('{')
+            .map_or(0, |(_, list)| u32::try_from(list.split(',').count()).unwrap_or(u32::MAX));
         let is_single = matches!(name, "ldr" | "str" | "ldrh" | "strh" | "ldrsb");
         cycles += match name {
             "ldm" | "stm" | "push" | "pop" => 1 + registers,
@@ -173,9 +169,7 @@ impl Loop {
                 && let Some(first) = seen.iter().position(|(address, _)| *address == target)
             {
                 let body = seen.drain(first..).map(|(_, instruction)| instruction);
-                return Some(Self {
-                    instructions: body.collect(),
-                });
+                return Some(Self { instructions: body.collect() });
             }
             seen.push((address, instruction));
         }
@@ -198,10 +192,7 @@ impl Loop {
         let printed = programs::output_of(&mut command).context("llvm-mca fails")?;
         let mut lines = printed.lines();
         let cycles = lines.find_map(|line| line.strip_prefix("Total Cycles:"));
-        let cycles: u32 = cycles
-            .context("llvm-mca prints no cycles")?
-            .trim()
-            .parse()?;
+        let cycles: u32 = cycles.context("llvm-mca prints no cycles")?.trim().parse()?;
         Ok(f64::from(cycles) / f64::from(ITERATIONS))
     }
 
@@ -237,9 +228,7 @@ impl Loop {
 /// llvm-objdump is not installed or cannot read the image.
 fn disassemble(image: &Path) -> anyhow::Result<String> {
     let mut command = programs::llvm("llvm-objdump")?;
-    command
-        .args(["--disassemble", "--demangle", "--no-show-raw-insn"])
-        .arg(image);
+    command.args(["--disassemble", "--demangle", "--no-show-raw-insn"]).arg(image);
     programs::output_of(&mut command).context("llvm-objdump fails")
 }
 

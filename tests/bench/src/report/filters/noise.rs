@@ -111,12 +111,8 @@ fn counts([offset, mains, eeg]: Amplitudes, electrode: u64) -> Vec<i32> {
         let angle = phase + 2.0 * PI * MAINS_HZ * real(n) / real(rate());
         sign * offset + mains * angle.sin() + eeg * pink
     });
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "below 21 mV, a ninth of full scale"
-    )]
-    uv.map(|uv| (uv * 1000.0 / f64::from(model::LSB_NV)).round() as i32)
-        .collect()
+    #[expect(clippy::cast_possible_truncation, reason = "below 21 mV, a ninth of full scale")]
+    uv.map(|uv| (uv * 1000.0 / f64::from(model::LSB_NV)).round() as i32).collect()
 }
 
 /// Returns noise with an rms of 1, random phases, and a power density proportional to 1/f from 0.5
@@ -163,9 +159,8 @@ impl Spectrum {
     fn new(signal: &[f64], rate_hz: f64) -> Self {
         assert!(signal.len() >= SEGMENT, "{} samples", signal.len());
         let transform = RealFftPlanner::<f64>::new().plan_fft_forward(SEGMENT);
-        let window: Vec<f64> = (0..SEGMENT)
-            .map(|n| (PI * real(n) / real(SEGMENT)).sin().powi(2))
-            .collect();
+        let window: Vec<f64> =
+            (0..SEGMENT).map(|n| (PI * real(n) / real(SEGMENT)).sin().powi(2)).collect();
         let energy: f64 = window.iter().map(|w| w * w).sum();
         let mut power = vec![0.0; SEGMENT / 2 + 1];
         let mut bins = transform.make_output_vec();
@@ -175,20 +170,14 @@ impl Spectrum {
             let mean = segment.iter().sum::<f64>() / real(SEGMENT);
             let windowed = segment.iter().zip(&window).map(|(x, w)| (x - mean) * w);
             // An error is impossible: it occurs only if a length is not the plan's.
-            if transform
-                .process(&mut windowed.collect::<Vec<_>>(), &mut bins)
-                .is_ok()
-            {
+            if transform.process(&mut windowed.collect::<Vec<_>>(), &mut bins).is_ok() {
                 for (power, bin) in power.iter_mut().zip(&bins) {
                     // The factor 2 adds the power of the negative frequencies.
                     *power += 2.0 * bin.norm_sqr() / energy / rate_hz / count;
                 }
             }
         }
-        Self {
-            bin_hz: rate_hz / real(SEGMENT),
-            power,
-        }
+        Self { bin_hz: rate_hz / real(SEGMENT), power }
     }
 
     /// Returns the mean of one or more spectra whose signals have the same rate.
@@ -244,27 +233,20 @@ mod tests {
         let expected = f64::from(model::LSB_NV) / 12.0_f64.sqrt() * width.sqrt();
         // The values differ by 1 %: the rms of 64 s of white noise has a standard error of about
         // 0.9 % in this band.
-        assert!(
-            (rms / expected - 1.0).abs() < 0.05,
-            "{rms} instead of {expected}"
-        );
+        assert!((rms / expected - 1.0).abs() < 0.05, "{rms} instead of {expected}");
     }
 
     #[test]
     fn the_test_signal_has_its_offset_mains_and_eeg() {
         let nv = f64::from(model::LSB_NV);
-        let uv: Vec<f64> = counts(EEG, 1)
-            .iter()
-            .map(|count| f64::from(*count) * nv / 1000.0)
-            .collect();
+        let uv: Vec<f64> =
+            counts(EEG, 1).iter().map(|count| f64::from(*count) * nv / 1000.0).collect();
         let mean = uv.iter().sum::<f64>() / real(uv.len());
         assert!((mean + 20_000.0).abs() < 1.0, "{mean}");
         let spectrum = Spectrum::new(&uv, model::ADC_RATE_HZ.into());
         let mains = spectrum.rms([49.5, 50.5]);
         assert!((mains - 100.0 / 2.0_f64.sqrt()).abs() < 1.0, "{mains}");
-        let eeg = spectrum
-            .rms([0.25, 49.0])
-            .hypot(spectrum.rms([51.0, 256.0]));
+        let eeg = spectrum.rms([0.25, 49.0]).hypot(spectrum.rms([51.0, 256.0]));
         assert!((eeg - 30.0).abs() < 1.0, "{eeg}");
     }
 }

@@ -91,11 +91,7 @@ impl Amplifier {
                 }
             }
         });
-        Amplifier {
-            sent,
-            stop,
-            thread: Some(thread),
-        }
+        Amplifier { sent, stop, thread: Some(thread) }
     }
 
     /// Returns the times at which the last frame of each window was sent, for both topics.
@@ -126,10 +122,7 @@ impl Frames {
         };
         let channels = u16::try_from(labels.len()).unwrap_or(u16::MAX);
         NeuroFrame {
-            header: Header {
-                seq: number,
-                ..Header::default()
-            },
+            header: Header { seq: number, ..Header::default() },
             neuroheader: NeuroHeader { seq: number },
             sr: u16::try_from(self.rate_hz).unwrap_or(u16::MAX),
             eeg: NeuroDataFloat {

@@ -146,10 +146,7 @@ mod tests {
         let times: Times = windows.map(|window| (window, sent(window))).collect();
         let arrived = times.iter().zip(latency_ms);
         let arrived = arrived.map(|((window, at), ms)| (*window, *at + Duration::from_millis(*ms)));
-        let usage = Usage {
-            processor: Duration::ZERO,
-            resident_mb: 1.0,
-        };
+        let usage = Usage { processor: Duration::ZERO, resident_mb: 1.0 };
         let span = [start, start + Duration::from_mins(1)];
         Figures::new(&times, &arrived.collect(), span, &usage)
     }
@@ -157,10 +154,7 @@ mod tests {
     #[test]
     fn ratios_are_those_of_the_worse_part_and_null_without_rospy() {
         let part = |bridge: &[u64], rospy: Option<&[u64]>| {
-            let pair = Pair {
-                own: figures(bridge),
-                rospy: rospy.map(figures),
-            };
+            let pair = Pair { own: figures(bridge), rospy: rospy.map(figures) };
             ("codes", pair)
         };
         let good = part(&[1, 2, 1, 2], Some(&[2, 4, 2, 4]));
@@ -168,10 +162,7 @@ mod tests {
         let report = report(&[good, bad], 60).expect("limits.toml");
         for name in ["interval_sd", "interval_p99", "latency", "latency_p99"] {
             let ratio = report.object[format!("{name}_ratio_rospy")].as_f64();
-            assert!(
-                ratio.is_some_and(|ratio| (ratio - 2.0).abs() < 1e-6),
-                "{name}: {ratio:?}"
-            );
+            assert!(ratio.is_some_and(|ratio| (ratio - 2.0).abs() < 1e-6), "{name}: {ratio:?}");
         }
         assert_eq!(report.object["nodes"][1]["name"], "rospy: codes");
         let alone = part(&[1, 2, 1, 2], None);

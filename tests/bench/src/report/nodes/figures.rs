@@ -80,13 +80,10 @@ impl Figures {
             .filter(|(_, at)| (start..end).contains(at))
             .map(|(window, at)| (*window, *at))
             .collect();
-        let arrived: Times = sent
-            .keys()
-            .filter_map(|window| Some((*window, *arrived.get(window)?)))
-            .collect();
-        let latencies = arrived
-            .iter()
-            .map(|(window, at)| ms(at.saturating_duration_since(sent[window])));
+        let arrived: Times =
+            sent.keys().filter_map(|window| Some((*window, *arrived.get(window)?))).collect();
+        let latencies =
+            arrived.iter().map(|(window, at)| ms(at.saturating_duration_since(sent[window])));
         let latencies: Vec<f64> = latencies.collect();
         let (intervals_ms, sent_intervals_ms) = (intervals(&arrived), intervals(&sent));
         let deviations: Vec<f64> = intervals_ms.iter().map(|ms| (ms - HOP_MS).abs()).collect();
@@ -122,9 +119,7 @@ fn longest_burst(intervals_ms: &[f64]) -> usize {
 fn intervals(times: &Times) -> Vec<f64> {
     let pairs = times.iter().zip(times.iter().skip(1));
     let pairs = pairs.filter(|((window, _), (next, _))| *window + 1 == **next);
-    pairs
-        .map(|((_, at), (_, next))| ms(next.saturating_duration_since(*at)))
-        .collect()
+    pairs.map(|((_, at), (_, next))| ms(next.saturating_duration_since(*at))).collect()
 }
 
 fn ms(duration: Duration) -> f64 {
@@ -170,24 +165,16 @@ impl Usage {
 
     /// Returns the processor time since `before`, and the current memory.
     pub(super) fn since(self, before: &Self) -> Self {
-        Self {
-            processor: self.processor.saturating_sub(before.processor),
-            ..self
-        }
+        Self { processor: self.processor.saturating_sub(before.processor), ..self }
     }
 
     fn parse(stat: &str, status: &str) -> Option<Self> {
         // Start after the second field, which is in parentheses and can contain any character.
         // `utime` and `stime` are fields 14 and 15.
         let fields = stat.rsplit_once(')')?.1.split_whitespace();
-        let ticks = fields
-            .skip(11)
-            .take(2)
-            .map(|field| field.parse::<u32>().ok());
+        let ticks = fields.skip(11).take(2).map(|field| field.parse::<u32>().ok());
         let ticks: u32 = ticks.sum::<Option<u32>>()?;
-        let resident = status
-            .lines()
-            .find_map(|line| line.strip_prefix("VmRSS:"))?;
+        let resident = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
         let kib: u32 = resident.trim().strip_suffix(" kB")?.trim().parse().ok()?;
         Some(Self {
             processor: Duration::from_secs(1) * ticks / TICKS_PER_SECOND,
@@ -208,24 +195,15 @@ mod tests {
     #[test]
     fn intervals_latency_and_loss_of_known_times() {
         let start = Instant::now();
-        let sent = times(
-            start,
-            &[(0, 0), (1, 60), (2, 125), (3, 190), (4, 250), (5, 10_000)],
-        );
+        let sent = times(start, &[(0, 0), (1, 60), (2, 125), (3, 190), (4, 250), (5, 10_000)]);
         let arrived = times(start, &[(0, 5), (1, 61), (2, 128), (4, 254), (9, 260)]);
-        let usage = Usage {
-            processor: Duration::from_millis(100),
-            resident_mb: 7.0,
-        };
+        let usage = Usage { processor: Duration::from_millis(100), resident_mb: 7.0 };
         let span = [start, start + Duration::from_secs(10)];
         let figures = Figures::new(&sent, &arrived, span, &usage);
         assert_eq!((figures.codes, figures.lost), (4, 1));
         let rounded = |values: &[f64]| values.iter().map(|x| x.round()).collect::<Vec<_>>();
         assert_eq!(rounded(&figures.intervals_ms), [56.0, 67.0]);
-        assert_eq!(
-            rounded(&figures.sent_intervals_ms),
-            [60.0, 65.0, 65.0, 60.0]
-        );
+        assert_eq!(rounded(&figures.sent_intervals_ms), [60.0, 65.0, 65.0, 60.0]);
         for (figure, expected) in [
             (figures.interval_mean_ms, 61.5),
             (figures.interval_sd_ms, 5.5),
@@ -237,10 +215,7 @@ mod tests {
             (figures.cpu_percent, 1.0),
             (figures.rss_mb, 7.0),
         ] {
-            assert!(
-                (figure - expected).abs() < 1e-6,
-                "{figure} is not {expected}"
-            );
+            assert!((figure - expected).abs() < 1e-6, "{figure} is not {expected}");
         }
     }
 

@@ -32,10 +32,7 @@ use crate::report::programs::{self, Python};
 /// Name of the program that is measured.
 const NODE: &str = "corticode-node";
 /// Topics of the frames and of the codes, first for `corticode-node`, then for the node in rospy.
-const TOPICS: [[&str; 2]; 2] = [
-    ["/neurodata", "/encoded"],
-    ["/rospy/neurodata", "/rospy/encoded"],
-];
+const TOPICS: [[&str; 2]; 2] = [["/neurodata", "/encoded"], ["/rospy/neurodata", "/rospy/encoded"]];
 
 /// Measures both nodes for `seconds`, with frames at the rate `rate_hz`, by default that of the
 /// model's ADC. Without rospy, measures only `corticode-node`.
@@ -48,9 +45,7 @@ pub(crate) fn measure(rate_hz: Option<u16>, seconds: u32) -> anyhow::Result<Repo
         format!("neither 1/64 s nor 20 ms is a whole number of samples at {rate_hz} Hz\n  next: --rate=500")
     })?;
     let programs = Programs::find("node", &[NODE])?;
-    let torch = (rate_hz == model::ADC_RATE_HZ)
-        .then(find_rospy_with_torch)
-        .flatten();
+    let torch = (rate_hz == model::ADC_RATE_HZ).then(find_rospy_with_torch).flatten();
     let pair = super::block_on(run(&programs, frames, torch, seconds))?;
     let rival = rival_name(torch.is_some());
     let names = ["through corticode-node", "frames sent to it", rival];
@@ -77,10 +72,8 @@ async fn run(
         Subscriber::start(&ros.node, TOPICS[0][1]).await?,
         Subscriber::start(&ros.node, TOPICS[1][1]).await?,
     ];
-    let publishers = [
-        advertise(&ros.node, TOPICS[0][0]).await?,
-        advertise(&ros.node, TOPICS[1][0]).await?,
-    ];
+    let publishers =
+        [advertise(&ros.node, TOPICS[0][0]).await?, advertise(&ros.node, TOPICS[1][0]).await?];
     let own = ros.start_program(programs, NODE, &["--ros-master-uri", ros.master.uri()])?;
     let [length, rate] = super::code_arguments();
     let windows = frames.windows().map(|number| number.to_string());
@@ -101,10 +94,7 @@ async fn run(
 }
 
 async fn advertise(node: &Node, topic: &str) -> anyhow::Result<Publisher> {
-    let options = PublisherOptions {
-        queue: 64,
-        latch: false,
-    };
+    let options = PublisherOptions { queue: 64, latch: false };
     Ok(node.advertise(topic, NeuroFrame::TYPE, options).await?)
 }
 
@@ -123,11 +113,7 @@ async fn wait_for_subscribers(publishers: &[Publisher]) -> anyhow::Result<()> {
 
 /// Returns the name of the node in rospy in reports, which says whether the node `encodes`.
 fn rival_name(encodes: bool) -> &'static str {
-    if encodes {
-        "through rospy, scipy and PyTorch"
-    } else {
-        "through rospy, nothing encoded"
-    }
+    if encodes { "through rospy, scipy and PyTorch" } else { "through rospy, nothing encoded" }
 }
 
 fn report(pair: &Pair, rate_hz: u16, rospy_encodes: bool, seconds: u32) -> anyhow::Result<Report> {

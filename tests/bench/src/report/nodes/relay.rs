@@ -129,10 +129,7 @@ fn forward(
             wait_until(at + HOP * code.window.wrapping_sub(window));
             let now = Instant::now();
             sent.note(code.window.into(), now);
-            let levels = Levels {
-                window: code.window,
-                values: code.values.levels().collect(),
-            };
+            let levels = Levels { window: code.window, values: code.values.levels().collect() };
             // An error means that no node in rospy runs.
             let _ = codes.send((now, levels));
         }

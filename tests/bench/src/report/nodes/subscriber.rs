@@ -40,11 +40,7 @@ impl Subscriber {
                 }
             }
         });
-        Ok(Self {
-            topic,
-            arrived,
-            task,
-        })
+        Ok(Self { topic, arrived, task })
     }
 
     /// Waits until at least one code has arrived.
@@ -82,12 +78,7 @@ impl Drop for Subscriber {
 /// Returns the index of the window from a frame's status words; `None` for a filler.
 fn window_of(frame: &NeuroFrame) -> Option<u64> {
     let word = |label: &str| {
-        let place = frame
-            .tri
-            .info
-            .labels
-            .iter()
-            .position(|name| name == label)?;
+        let place = frame.tri.info.labels.iter().position(|name| name == label)?;
         u64::try_from(*frame.tri.data.get(place)?).ok()
     };
     let is_filler = word("flags")? & u64::from(Flags::FILLER.bits()) != 0;

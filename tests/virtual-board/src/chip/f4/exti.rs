@@ -13,15 +13,8 @@ const PORTS: usize = 8;
 
 /// Interrupts of the EXTI lines that pins use: index in the emulator's EXTI, first and last line
 /// (RM0390, table 38). The interrupt with index 0 belongs to no pin.
-const ROUTES: [(usize, u8, u8); 7] = [
-    (1, 0, 0),
-    (2, 1, 1),
-    (3, 2, 2),
-    (4, 3, 3),
-    (5, 4, 4),
-    (6, 5, 9),
-    (7, 10, 15),
-];
+const ROUTES: [(usize, u8, u8); 7] =
+    [(1, 0, 0), (2, 1, 1), (3, 2, 2), (4, 3, 3), (5, 4, 4), (6, 5, 9), (7, 10, 15)];
 
 /// Model of the EXTI lines of pins. It ignores edges that the firmware itself drives on a pin.
 #[derive(Debug, Default)]
@@ -59,11 +52,7 @@ impl Exti {
         if std::mem::replace(level, is_high) == is_high || !is_routed {
             return;
         }
-        let selected = if is_high {
-            Register::Rtsr
-        } else {
-            Register::Ftsr
-        };
+        let selected = if is_high { Register::Rtsr } else { Register::Ftsr };
         // A masked line becomes pending, too; the mask only blocks its interrupt (RM0390, 10.2.1).
         self.pending |= registers.get(selected) & 1 << pin.1;
         self.drive_interrupts(registers, context);

@@ -127,8 +127,7 @@ impl Core {
         self.inputs[0].registers.on_setup();
         self.outputs[0].on_setup();
         let frame = self.frame();
-        self.rx
-            .push(PacketStatus::SetupData, 0, false, frame, &bytes);
+        self.rx.push(PacketStatus::SetupData, 0, false, frame, &bytes);
         Handshake::Ack
     }
 
@@ -191,11 +190,9 @@ impl Core {
         }
         let done = output.accept(bytes.len());
         let frame = self.frame();
-        self.rx
-            .push(PacketStatus::OutData, endpoint, data1, frame, bytes);
+        self.rx.push(PacketStatus::OutData, endpoint, data1, frame, bytes);
         if done {
-            self.rx
-                .push(PacketStatus::OutDone, endpoint, data1, frame, &[]);
+            self.rx.push(PacketStatus::OutDone, endpoint, data1, frame, &[]);
         }
         Handshake::Ack
     }

@@ -31,11 +31,7 @@ const fn doepctl(n: u64) -> u64 {
 /// Returns a core that has a clock and VBUS, and whose pins are connected to the cable.
 fn supplied() -> Core {
     let mut core = Core::new(&H743_USB2);
-    core.supply = Supply {
-        clocked: true,
-        unwired: None,
-        kernel_hz: Some(48_000_000),
-    };
+    core.supply = Supply { clocked: true, unwired: None, kernel_hz: Some(48_000_000) };
     core.set_vbus(true);
     core
 }
@@ -58,10 +54,7 @@ impl Core {
     #[track_caller]
     fn expect_violation(&mut self, part: &str) {
         let texts = self.violation_texts();
-        assert!(
-            texts.len() == 1 && texts[0].contains(part),
-            "{texts:?} is not one with {part:?}"
-        );
+        assert!(texts.len() == 1 && texts[0].contains(part), "{texts:?} is not one with {part:?}");
     }
 }
 
@@ -100,11 +93,7 @@ fn a_device_is_attached_after_software_has_connected_it() {
     let mut core = supplied();
     assert!(!core.is_attached(), "out of reset");
     core.put(DCTL, 0);
-    assert_eq!(
-        core.violation_texts().len(),
-        3,
-        "software has configured nothing"
-    );
+    assert_eq!(core.violation_texts().len(), 3, "software has configured nothing");
     assert!(configured().is_attached());
 }
 
@@ -166,22 +155,14 @@ fn an_out_packet_is_accepted_once_and_its_transfer_is_reported() {
     let mut core = configured();
     enable(&mut core, doepctl(1), 64);
     assert_eq!(core.output(0, 1, false, &[1, 2, 3]), Handshake::Ack);
-    assert_eq!(
-        core.output(0, 1, true, &[4]),
-        Handshake::Nak,
-        "the transfer has one packet"
-    );
+    assert_eq!(core.output(0, 1, true, &[4]), Handshake::Nak, "the transfer has one packet");
     assert_eq!(core.get(GRXSTSP), 1 | 3 << 4 | 2 << 17);
     assert_eq!(core.get(0x1000), 0x0003_0201);
     assert_ne!(core.peek(Register::Doepctl(1)) & epctl::EPENA, 0);
     assert_eq!(core.get(GRXSTSP), 1 | 3 << 17);
     assert_eq!(core.peek(Register::Doepctl(1)) & epctl::EPENA, 0);
     core.put(doepctl(1), core.peek(Register::Doepctl(1)) | epctl::CNAK);
-    assert_eq!(
-        core.output(0, 1, false, &[1, 2, 3]),
-        Handshake::Ack,
-        "repeated"
-    );
+    assert_eq!(core.output(0, 1, false, &[1, 2, 3]), Handshake::Ack, "repeated");
     assert_eq!(core.get(GINTSTS) & gintsts::RXFLVL, 0, "and dropped");
 }
 
@@ -208,11 +189,7 @@ fn the_next_setup_clears_the_stall_of_endpoint_0() {
     let mut core = configured();
     core.put(doepctl(0), epctl::STALL);
     core.put(doepctl(0), 0);
-    assert_ne!(
-        core.get(doepctl(0)) & epctl::STALL,
-        0,
-        "a write does not clear it"
-    );
+    assert_ne!(core.get(doepctl(0)) & epctl::STALL, 0, "a write does not clear it");
     core.setup(0, [0; 8]);
     assert_eq!(core.get(doepctl(0)) & epctl::STALL, 0);
 }
@@ -242,24 +219,14 @@ fn overlapping_fifos_are_reported_when_an_endpoint_is_enabled() {
 fn an_out_endpoint_can_be_disabled_only_after_the_global_nak() {
     let mut core = configured();
     enable(&mut core, doepctl(1), 64);
-    core.put(
-        doepctl(1),
-        core.peek(Register::Doepctl(1)) | epctl::SNAK | epctl::EPDIS,
-    );
+    core.put(doepctl(1), core.peek(Register::Doepctl(1)) | epctl::SNAK | epctl::EPDIS);
     core.expect_violation("without the global OUT NAK");
     enable(&mut core, doepctl(1), 64);
     core.put(DCTL, dctl::SGONAK);
-    assert_eq!(
-        core.get(GINTSTS) & gintsts::GONAKEFF,
-        0,
-        "not before its report"
-    );
+    assert_eq!(core.get(GINTSTS) & gintsts::GONAKEFF, 0, "not before its report");
     assert_eq!(core.get(GRXSTSP), 1 << 17);
     assert_ne!(core.get(GINTSTS) & gintsts::GONAKEFF, 0);
-    core.put(
-        doepctl(1),
-        core.peek(Register::Doepctl(1)) | epctl::SNAK | epctl::EPDIS,
-    );
+    core.put(doepctl(1), core.peek(Register::Doepctl(1)) | epctl::SNAK | epctl::EPDIS);
     assert_eq!(core.violation_texts(), [] as [String; 0]);
     assert_ne!(core.peek(Register::Doepint(1)) & epint::EPDISD, 0);
 }
@@ -275,10 +242,7 @@ fn frame_numbers_and_flags_follow_virtual_time() {
     let flags = core.get(GINTSTS) & (gintsts::SOF | gintsts::EOPF);
     assert_eq!(flags, gintsts::SOF | gintsts::EOPF);
     core.put(GINTSTS, gintsts::SOF);
-    assert_eq!(
-        core.get(GINTSTS) & (gintsts::SOF | gintsts::EOPF),
-        gintsts::EOPF
-    );
+    assert_eq!(core.get(GINTSTS) & (gintsts::SOF | gintsts::EOPF), gintsts::EOPF);
     assert_eq!(core.next_frame_interrupt(), None, "masked");
     core.put(GINTMSK, gintsts::SOF);
     assert_eq!(core.next_frame_interrupt(), Some(2_000_000));

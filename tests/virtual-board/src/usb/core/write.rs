@@ -151,10 +151,9 @@ impl Core {
     fn write_dctl(&mut self, value: u32) {
         let before = self.registers.dctl;
         let mut now = value & (dctl::RWUSIG | dctl::SDIS | dctl::POPRGDNE | 7 << 4);
-        for (set, clear, state) in [
-            (dctl::SGINAK, dctl::CGINAK, dctl::GINSTS),
-            (dctl::SGONAK, dctl::CGONAK, dctl::GONSTS),
-        ] {
+        for (set, clear, state) in
+            [(dctl::SGINAK, dctl::CGINAK, dctl::GINSTS), (dctl::SGONAK, dctl::CGONAK, dctl::GONSTS)]
+        {
             if value & set != 0 && value & clear != 0 {
                 let what = "a global NAK set and cleared at once";
                 self.report(Register::Dctl, what, "57.14");
@@ -168,8 +167,7 @@ impl Core {
         }
         if value & dctl::SGONAK != 0 {
             let frame = self.frame();
-            self.rx
-                .push(PacketStatus::GlobalOutNak, 0, false, frame, &[]);
+            self.rx.push(PacketStatus::GlobalOutNak, 0, false, frame, &[]);
         }
         self.registers.dctl = now;
         if before & dctl::SDIS != 0 && now & dctl::SDIS == 0 {
@@ -183,19 +181,13 @@ impl Core {
         let (gusbcfg, pcgcctl) = (self.registers.gusbcfg, self.registers.pcgcctl);
         let kernel = self.supply.kernel_hz;
         let faults = [
-            (
-                gccfg & bit::PWRDWN == 0,
-                "connected with the transceiver off (OTG_GCCFG.PWRDWN)",
-            ),
+            (gccfg & bit::PWRDWN == 0, "connected with the transceiver off (OTG_GCCFG.PWRDWN)"),
             (dcfg & 3 != 3, "connected with OTG_DCFG.DSPD not full speed"),
             (
                 gusbcfg & bit::FDMOD == 0,
                 "connected without OTG_GUSBCFG.FDMOD on a board without ID",
             ),
-            (
-                pcgcctl & bit::STPPCLK != 0,
-                "connected with the PHY's clock stopped",
-            ),
+            (pcgcctl & bit::STPPCLK != 0, "connected with the PHY's clock stopped"),
         ];
         for (_, what) in faults.into_iter().filter(|(is_wrong, _)| *is_wrong) {
             self.report(Register::Dctl, what, "57.15.3");
@@ -254,23 +246,11 @@ impl Core {
 
     /// Checks that the FIFOs of all active endpoints lie in the FIFO memory and do not overlap.
     fn check_layout(&mut self) {
-        let rx = Extent {
-            start: 0,
-            depth: self.registers.rx_depth,
-        };
+        let rx = Extent { start: 0, depth: self.registers.rx_depth };
         let mut used = vec![("the receive FIFO".to_owned(), rx)];
-        for endpoint in self
-            .inputs
-            .iter()
-            .filter(|e| e.registers.has(epctl::USBAEP))
-        {
+        for endpoint in self.inputs.iter().filter(|e| e.registers.has(epctl::USBAEP)) {
             let name = format!("transmit FIFO {}", endpoint.fifo());
-            let value = self
-                .registers
-                .tx
-                .get(endpoint.fifo())
-                .copied()
-                .unwrap_or_default();
+            let value = self.registers.tx.get(endpoint.fifo()).copied().unwrap_or_default();
             if used.iter().all(|(known, _)| *known != name) {
                 used.push((name, Extent::from_dieptxf(value)));
             }

@@ -98,20 +98,11 @@ impl Descriptors {
         let is_usb_known = [0x0110, 0x0200, 0x0201, 0x0210].contains(&self.usb);
         let is_size_known = [8, 16, 32, 64].contains(&self.max_packet_0);
         let rules = [
-            (
-                bytes.len() == 18 && byte(bytes, 0) == 18,
-                "its length is not 18",
-            ),
+            (bytes.len() == 18 && byte(bytes, 0) == 18, "its length is not 18"),
             (byte(bytes, 1) == kind::DEVICE, "its type is not 1"),
             (is_usb_known, &format!("bcdUSB is {:#06x}", self.usb)),
-            (
-                is_size_known,
-                &format!("bMaxPacketSize0 is {}", self.max_packet_0),
-            ),
-            (
-                byte(bytes, 17) == 1,
-                "it does not have exactly one configuration",
-            ),
+            (is_size_known, &format!("bMaxPacketSize0 is {}", self.max_packet_0)),
+            (byte(bytes, 17) == 1, "it does not have exactly one configuration"),
             (self.vendor != 0, "idVendor is 0"),
         ];
         violations.expect(now, "device descriptor, USB 2.0, 9.6.1", rules);
@@ -130,10 +121,7 @@ impl Descriptors {
         let rules = [
             (byte(bytes, 0) == 9, "its length is not 9"),
             (is_whole, "wTotalLength is not its length"),
-            (
-                byte(bytes, 7) & 0x9F == 0x80,
-                "reserved bits of bmAttributes",
-            ),
+            (byte(bytes, 7) & 0x9F == 0x80, "reserved bits of bmAttributes"),
             (self.configuration != 0, "bConfigurationValue is 0"),
             (byte(bytes, 8) <= 250, "more than 500 mA"),
         ];
@@ -144,11 +132,7 @@ impl Descriptors {
         while !rest.is_empty() {
             let length = usize::from(byte(rest, 0));
             if length < 2 || length > rest.len() {
-                violations.expect(
-                    now,
-                    section,
-                    [(false, "a descriptor in it has a wrong length")],
-                );
+                violations.expect(now, section, [(false, "a descriptor in it has a wrong length")]);
                 break;
             }
             let (one, after) = rest.split_at(length);
@@ -159,14 +143,8 @@ impl Descriptors {
         let found: usize = interfaces.iter().map(|i| i.endpoints.len()).sum();
         let are_counted = usize::from(byte(bytes, 4)) == interfaces.len();
         let rules = [
-            (
-                found == expected,
-                "bNumEndpoints is not the number of endpoints",
-            ),
-            (
-                are_counted,
-                "bNumInterfaces is not the number of interfaces",
-            ),
+            (found == expected, "bNumEndpoints is not the number of endpoints"),
+            (are_counted, "bNumInterfaces is not the number of interfaces"),
         ];
         violations.expect(now, section, rules);
     }
@@ -188,10 +166,7 @@ impl Descriptors {
             (byte(bytes, 1) == kind::BOS, "its type is not 15"),
             (is_whole, "wTotalLength is not its length"),
             (are_capabilities, "it contains another descriptor"),
-            (
-                byte(bytes, 4) == capabilities,
-                "bNumDeviceCaps is not their number",
-            ),
+            (byte(bytes, 4) == capabilities, "bNumDeviceCaps is not their number"),
         ];
         violations.expect(now, "BOS descriptor, USB 3.2, 9.6.2", rules);
     }
@@ -204,23 +179,15 @@ impl Descriptors {
         violations: &mut Violations,
     ) -> Option<SerialPort> {
         let mut interfaces = self.interfaces.iter();
-        let control = interfaces
-            .clone()
-            .find(|i| i.class[..2] == COMMUNICATIONS)?;
+        let control = interfaces.clone().find(|i| i.class[..2] == COMMUNICATIONS)?;
         let data = interfaces.find(|i| i.class[0] == DATA)?;
         let has = |subtype| control.functions.contains(&subtype);
         let is_header_first = control.functions.first() == Some(&0);
         let rules = [
             (has(0x00), "no functional descriptor 0x00, header"),
-            (
-                has(0x02),
-                "no functional descriptor 0x02, abstract control management",
-            ),
+            (has(0x02), "no functional descriptor 0x02, abstract control management"),
             (has(0x06), "no functional descriptor 0x06, union"),
-            (
-                is_header_first,
-                "the header is not the first functional descriptor",
-            ),
+            (is_header_first, "the header is not the first functional descriptor"),
         ];
         violations.expect(now, "CDC 1.2, 3.4 and 5.2", rules);
         let find = |interface: &Interface, attributes: u8, is_in: bool| {

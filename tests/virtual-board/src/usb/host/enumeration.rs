@@ -61,10 +61,7 @@ impl Enumeration {
         Self {
             stage: Stage::First,
             address: 0,
-            device: Descriptors {
-                max_packet_0: 64,
-                ..Descriptors::default()
-            },
+            device: Descriptors { max_packet_0: 64, ..Descriptors::default() },
         }
     }
 
@@ -129,11 +126,7 @@ impl Enumeration {
                     }
                     _ => return Next::Failed(format!("device descriptor {data:02x?}")),
                 }
-                self.stage = if is_first {
-                    Stage::SetAddress
-                } else {
-                    Stage::Device
-                };
+                self.stage = if is_first { Stage::SetAddress } else { Stage::Device };
                 if is_first { Next::Reset } else { Next::Request }
             }
             Stage::SetAddress => {

@@ -165,14 +165,9 @@ impl Serial {
         };
         let notification = || {
             let endpoint = number(ports.notification);
-            core.answers_in(endpoint)
-                .then(|| (Pipe::Notification, core.next_in_len(endpoint)))
+            core.answers_in(endpoint).then(|| (Pipe::Notification, core.next_in_len(endpoint)))
         };
-        let bulk = if self.was_output {
-            input().or_else(output)
-        } else {
-            output().or_else(input)
-        };
+        let bulk = if self.was_output { input().or_else(output) } else { output().or_else(input) };
         bulk.or_else(notification)
     }
 
@@ -207,10 +202,7 @@ impl Serial {
         let len = self.outgoing.len().min(endpoint.max_packet.into());
         let bytes: Vec<u8> = self.outgoing.iter().copied().take(len).collect();
         let toggle = &mut self.toggles[Pipe::Output as usize];
-        match wire
-            .core
-            .output(wire.address, number(endpoint), *toggle, &bytes)
-        {
+        match wire.core.output(wire.address, number(endpoint), *toggle, &bytes) {
             Handshake::Ack => {
                 *toggle = !*toggle;
                 self.outgoing.drain(..len);
@@ -249,8 +241,7 @@ impl Serial {
                 format!("{refused:?}")
             }
         };
-        wire.violations
-            .record(wire.now, format!("IN endpoint {n}: {fault}"));
+        wire.violations.record(wire.now, format!("IN endpoint {n}: {fault}"));
         None
     }
 }

@@ -11,9 +11,7 @@ use crate::usb::core::Supply;
 use crate::usb::instance::H743_USB2;
 use crate::usb::register::epctl::{CNAK, EPENA, SD0PID, USBAEP};
 
-const DEVICE: [u8; 18] = [
-    18, 1, 0x10, 2, 0xEF, 2, 1, 64, 9, 0x12, 1, 0, 0, 1, 0, 1, 0, 1,
-];
+const DEVICE: [u8; 18] = [18, 1, 0x10, 2, 0xEF, 2, 1, 64, 9, 0x12, 1, 0, 0, 1, 0, 1, 0, 1];
 const CONFIGURATION: [u8; 62] = [
     9, 2, 62, 0, 2, 1, 0, 0x80, 50, //
     9, 4, 0, 0, 1, 2, 2, 0, 0, //
@@ -34,10 +32,7 @@ struct Device {
 impl Device {
     fn new() -> Self {
         let mut core = Core::new(&H743_USB2);
-        core.supply = Supply {
-            clocked: true,
-            ..Supply::default()
-        };
+        core.supply = Supply { clocked: true, ..Supply::default() };
         core.set_vbus(true);
         for (offset, value) in [
             // Device mode, transceiver, session, full speed, connection; then the FIFOs' layout.
@@ -58,12 +53,7 @@ impl Device {
     }
 
     fn wire(&mut self) -> Wire<'_> {
-        Wire {
-            core: &mut self.core,
-            address: 0,
-            now: 0,
-            violations: &mut self.violations,
-        }
+        Wire { core: &mut self.core, address: 0, now: 0, violations: &mut self.violations }
     }
 
     /// Enables the IN endpoint `endpoint`, sets further `bits` of its control register, and writes
@@ -128,11 +118,7 @@ fn a_device_that_does_not_respond_is_enumerated_three_times() {
 #[test]
 fn faults_of_descriptors_are_reported() {
     for (place, value, named) in [
-        (
-            2,
-            70,
-            "wTotalLength is not its length (configuration descriptor",
-        ),
+        (2, 70, "wTotalLength is not its length (configuration descriptor"),
         (59, 65, "its packet size or interval at full speed"),
     ] {
         let (mut bytes, mut violations) = (CONFIGURATION, Violations::default());
@@ -149,23 +135,14 @@ fn a_device_that_states_usb_2_1_without_a_bos_descriptor_is_reported() {
         enumeration.on_response(answer, 0, &mut violations);
     }
     assert_eq!(enumeration.on_stall(), Next::Request, "to the qualifier");
-    assert_eq!(
-        enumeration.on_response(&[], 0, &mut violations),
-        Next::Request
-    );
+    assert_eq!(enumeration.on_response(&[], 0, &mut violations), Next::Request);
     assert_reports(&violations, "the BOS descriptor has 0 bytes");
 }
 
 #[test]
 fn a_data_stage_that_starts_with_data0_is_reported() {
     let mut device = Device::new();
-    let setup = Setup {
-        request_type: 0x80,
-        request: 6,
-        value: 0x0100,
-        index: 0,
-        length: 18,
-    };
+    let setup = Setup { request_type: 0x80, request: 6, value: 0x0100, index: 0, length: 18 };
     let mut transfer = Transfer::new(setup, 64, Vec::new(), 0);
     assert_eq!(transfer.perform(&mut device.wire()), Outcome::Pending);
     device.load(0, SD0PID, &DEVICE);

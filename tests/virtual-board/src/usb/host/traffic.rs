@@ -78,15 +78,8 @@ impl Host {
     }
 
     fn transact(&mut self, now: u64, core: &mut Core) {
-        let transfer = self
-            .transfer
-            .take_if(|transfer| transfer.next_len(core).is_some());
-        let mut wire = Wire {
-            core,
-            address: self.address,
-            now,
-            violations: &mut self.violations,
-        };
+        let transfer = self.transfer.take_if(|transfer| transfer.next_len(core).is_some());
+        let mut wire = Wire { core, address: self.address, now, violations: &mut self.violations };
         let Some(mut transfer) = transfer else {
             if let Some((pipe, _)) = self.serial.next_transaction(wire.core) {
                 self.serial.perform(pipe, &mut wire);
@@ -101,8 +94,7 @@ impl Host {
                 self.continue_enumeration(next, now, core);
             }
             (Outcome::Done(data), None) => {
-                self.serial
-                    .complete_request(&data, now, &mut self.violations);
+                self.serial.complete_request(&data, now, &mut self.violations);
             }
             (Outcome::Stalled, Some(enumeration)) => {
                 let next = enumeration.on_stall();

@@ -51,10 +51,7 @@ fn the_core_responds_only_while_its_clock_is_on() {
     let (mut part, host) = h743();
     assert_eq!(get(&mut part, 0, WINDOW + 0x3C), 0);
     let violations = host.violations();
-    assert!(
-        violations[0].text.contains("bus clock is off"),
-        "{violations:?}"
-    );
+    assert!(violations[0].text.contains("bus clock is off"), "{violations:?}");
     put(&mut part, 0, AHB1ENR, 1 << 27);
     assert_eq!(get(&mut part, 0, WINDOW + 0x3C), 0x2300);
 }
@@ -86,8 +83,5 @@ fn an_idle_bus_raises_the_interrupt_after_3_ms() {
     put(&mut part, 3_002_000, WINDOW + 0x14, 1 << 11);
     assert_eq!(changes(&mut part), [(101, Level::Low)]);
     let violations = host.violations();
-    assert!(
-        violations.iter().all(|v| v.text.contains("kernel clock")),
-        "{violations:?}"
-    );
+    assert!(violations.iter().all(|v| v.text.contains("kernel clock")), "{violations:?}");
 }
