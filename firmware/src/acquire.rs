@@ -128,8 +128,8 @@ impl Running {
         let (index, step_index) = (self.samples, self.steps);
         self.samples += 1;
         self.steps += u64::from(step.is_some());
-        // Mark progress even if the queue is full. A hung encoder leaves its queue full; without
-        // the mark, the watchdog check would take the encoder for idle.
+        // Record progress even if the queue is full. A hung encoder leaves its queue full; without
+        // this record, the watchdog check would take the encoder for idle.
         shared.progress.mark_handed_over();
         let Some(slot) = samples.try_send() else {
             shared.count_overruns(1);

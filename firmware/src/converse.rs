@@ -25,7 +25,7 @@ use crate::{
 /// Largest number of bytes read from the port in one call: one bulk packet of full-speed USB.
 const PACKET: usize = 64;
 
-/// Time limit for each wait for an output, so that the conversation task marks progress at least
+/// Time limit for each wait for an output, so that the conversation task reports progress at least
 /// this often. Also the delay before a closed port is read again.
 const TICK: embassy_time::Duration = embassy_time::Duration::from_millis(20);
 

@@ -3,15 +3,13 @@
 use embassy_time::Duration;
 use model::{ADC_RATE_HZ, HOP, STEP_RATE_HZ};
 
-/// Sample period, 1.953 ms at 512 Hz: a sample must be read, filtered and queued before the next
-/// DRDY edge.
+/// Sample period, 1.953 ms at 512 Hz, within which a sample must be read, filtered and queued.
 pub const SAMPLE: Duration = Duration::from_micros(1_000_000 / ADC_RATE_HZ as u64);
 
-/// Step period, 7.8125 ms: the encoder must finish a step before the next one is due.
+/// Step period, 7.8125 ms, within which the encoder must finish a step.
 pub const STEP: Duration = Duration::from_micros(1_000_000 / STEP_RATE_HZ as u64);
 
-/// Code period, 62.5 ms at a hop of 8 steps: the port must accept a code before the next code is
-/// due.
+/// Code period, 62.5 ms at a hop of 8 steps, within which the port must accept a code.
 pub const CODE: Duration = Duration::from_micros(HOP as u64 * 1_000_000 / STEP_RATE_HZ as u64);
 
 /// Interrupt priorities, 0 to 15 as on an STM32 (4 bits); a smaller number is more urgent.
@@ -53,7 +51,7 @@ pub const OUTPUTS_WAITING: usize = 4;
 pub const BULK_WAITING: usize = 1;
 
 /// Depth of the queue of trigger events, which the encoder empties with every sample. Only a
-/// bouncing trigger can fill it, and the edges that it then drops carry no information.
+/// bouncing trigger can fill the queue, and the edges that are then dropped carry no information.
 pub const EVENTS_WAITING: usize = 16;
 
 /// Largest number of trigger edges handled between two samples; the event queue holds no more. A
@@ -71,8 +69,8 @@ pub const CONVERTERS_RETRY: Duration = Duration::from_secs(5);
 pub const DRAIN_TIMEOUT: Duration = Duration::from_millis(100);
 
 /// Size of the buffer for frames that wait for the host, bytes: with the built-in model 3 s of
-/// codes and reports. Raw samples may fill three quarters of the buffer, which takes 90 ms with
-/// this model. If a host pauses for longer, raw samples are dropped at once, but codes only after
+/// codes and reports. Raw samples may fill three quarters of the buffer; with this model, they do
+/// so in 90 ms. If a host pauses for longer, raw samples are dropped at once, but codes only after
 /// another second.
 pub const FRAME_BYTES_WAITING: usize = 12_288;
 

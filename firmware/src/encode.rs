@@ -40,8 +40,8 @@ pub async fn encode(
         if let Some(filters) = FILTERS.try_take() {
             producer.set_filters(filters);
         }
-        // Queue events up to the time of a sample before the sample's outputs. The exception is the
-        // first sample of a run: it starts the run, so it is processed before its events.
+        // Queue the events that happened up to a sample before the sample's outputs. The exception
+        // is the first sample of a run: it starts the run, so it is processed before its events.
         let starts_run = slot.acquired.new_run.is_some();
         if starts_run {
             shared.inputs.discard_before(slot.acquired.drdy_us);

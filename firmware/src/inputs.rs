@@ -1,4 +1,5 @@
-//! Events at a board's inputs: a queue from the interrupt that captures them to the encoder.
+//! Events at a board's inputs: the queue through which the interrupt that captures them passes them
+//! to the encoder.
 
 use core::{
     cell::RefCell,

@@ -14,7 +14,7 @@ use crate::{
     },
 };
 
-/// Numbers frames and keeps them until the port accepts them.
+/// Queue that numbers frames and stores them until the port accepts them.
 pub type Frames = Sender<FrameRing<{ deadlines::FRAME_BYTES_WAITING }>>;
 
 /// Memory of a board's tasks and queues; a board declares one static of this type.

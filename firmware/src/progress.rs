@@ -63,8 +63,8 @@ struct Snapshot {
 }
 
 impl Snapshot {
-    /// Returns whether every task has made progress since `before`. The encoder need not, if no
-    /// sample was handed to it.
+    /// Returns whether every task has made progress since `before`. The encoder need not have made
+    /// progress if no sample was handed to it.
     fn all_moved_since(self, before: Self) -> bool {
         self.acquired != before.acquired
             && self.conversed != before.conversed

@@ -1,4 +1,4 @@
-//! Queues between the tasks: what their slots hold, and their ends.
+//! Queues between the tasks: the contents of their slots, and their sending and receiving ends.
 
 use device::{
     AcquiredSample, AuditedWindow, CompressedChunk, FilteredChunk, Impedance, Marks, Output,

@@ -38,7 +38,8 @@ pub struct Shared {
     pub(crate) outputs_lost: AtomicU32,
     /// Index of the packed code's rate: the default rate, or the rate that the host has set.
     rate: AtomicU8,
-    /// Whether the current with which the impedance of the electrodes is measured shall flow.
+    /// Whether the excitation current, with which the impedance of the electrodes is measured, must
+    /// be on.
     excitation: AtomicBool,
     /// The host's decision about the exclusion of electrodes, for the encoder.
     pub(crate) exclusion: Signal<RawMutex, ExclusionPolicy>,
@@ -91,7 +92,7 @@ impl Shared {
         Rate::new(self.rate.load(Relaxed)).unwrap_or(DEFAULT_RATE)
     }
 
-    /// Switches the current with which the impedance of the electrodes is measured.
+    /// Switches the current with which the impedance of the electrodes is measured on or off.
     pub(crate) fn set_excitation(&self, on: bool) {
         self.excitation.store(on, Relaxed);
     }

@@ -10,7 +10,7 @@ use link::{Stage, StageTiming};
 
 use crate::{deadlines, stack::Stack};
 
-/// Free-running 32-bit counter of a board, with which stages are timed.
+/// A board's free-running 32-bit counter, which measures the execution times of the stages.
 #[derive(Clone, Copy, Debug)]
 pub struct Clock {
     /// Returns the counter in ticks. The counter must not wrap within the longest deadline.

@@ -80,8 +80,8 @@ pub(crate) struct Job {
 }
 
 /// Returns the jobs for `input`. A file is one job, which writes `output`. A folder has one job for
-/// each file with one of the `extensions` in it or its subfolders; each job writes a file below the
-/// folder `output`, at the relative path that `rename` makes from the input's.
+/// each file with one of the `extensions` in it or its subfolders. Each of these jobs writes to the
+/// folder `output`, at the relative path that `rename` returns for the input's relative path.
 ///
 /// # Errors
 /// [`BatchError`] if there is nothing to do, or a folder cannot be read or created.
@@ -271,7 +271,8 @@ pub(crate) fn progress_bar(seconds: Option<u64>, end: &str, quiet: bool) -> Prog
 }
 
 impl<R> Finished<'_, R> {
-    /// States in one line how many times faster than real time `seconds` of signal were processed.
+    /// Returns a line that states how many times faster than real time `seconds` of signal were
+    /// processed.
     pub(crate) fn speed(&self, seconds: f64) -> String {
         let times = seconds / self.elapsed.as_secs_f64();
         let per_thread = match self.threads {

@@ -59,21 +59,21 @@ fn periods_ns(periods: u64) -> u64 {
     u64::try_from(ns).unwrap_or(u64::MAX)
 }
 
-/// A sample from the driver, or a repetition of the last sample in place of missing ones.
+/// A sample from the driver, or a repetition of the last sample that replaces missing samples.
 #[derive(Clone, Copy, Debug)]
 pub struct ConvertedSample {
     /// Counts of all channels. The channels of a bad chip repeat the chip's last good sample.
     pub sample: Sample,
     /// Status of the chips, and number of samples missed before this one.
     pub reading: Reading<CHIPS>,
-    /// Time by which DRDY came before it was due, microseconds of device time; 0 unless the chain
+    /// Time by which the DRDY edge came too early, microseconds of device time; 0 unless the chain
     /// runs too fast.
     pub early_us: u64,
 }
 
 impl Converters {
-    /// Powers on the chain with the faults that are present at power-on, and initialises it. Ask
-    /// [`Self::failure()`] whether that worked.
+    /// Powers on the chain with the faults that are present at power-on, and initialises it.
+    /// [`Self::failure()`] returns the fault that the initialisation found, if any.
     pub fn new(faults: Faults) -> Self {
         let electrodes = Arc::new(Mutex::new([[0; CHANNELS]; CHIPS]));
         let at_electrodes = electrodes.clone();
@@ -199,7 +199,7 @@ impl Converters {
         self.sampler.is_excited()
     }
 
-    /// Runs the driver's complete self-test in virtual time; the chain converts again afterwards.
+    /// Runs the driver's complete self-test in virtual time; the chain then resumes conversion.
     pub fn run_self_test(&mut self) -> SelfTestReport<CHIPS> {
         let mut test = Box::new(SelfTest::new());
         finish(self.sampler.self_test(&mut test, &mut self.drdy, || ()));

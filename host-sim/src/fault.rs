@@ -196,7 +196,7 @@ pub struct Faults {
 }
 
 impl Faults {
-    /// Creates the schedule of these faults.
+    /// Creates the schedule of `faults`.
     ///
     /// # Errors
     /// [`FaultError::Twice`] if two faults of one chip overlap in time.

@@ -41,7 +41,7 @@ fn main() -> ExitCode {
                 error.downcast_ref().map(OfflineError::exit_status),
                 error.downcast_ref().map(BatchError::exit_status),
                 error.downcast_ref().map(|_: &Failed| 1),
-                // Standard output cannot be written any further.
+                // The status is 1 if standard output cannot be written any further.
                 error.downcast_ref().map(|_: &NewFileError| 1),
             ];
             let status = statuses.into_iter().flatten().next();

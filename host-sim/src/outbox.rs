@@ -162,7 +162,7 @@ impl Outbox {
         self.lock().dropped
     }
 
-    /// Counts as dropped a frame that was numbered but never queued.
+    /// Adds a frame that was numbered but never queued to the number of dropped frames.
     pub fn count_dropped(&self) {
         self.lock().drop_frames(1);
     }

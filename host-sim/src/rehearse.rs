@@ -19,7 +19,7 @@ pub(crate) struct Failed {
 }
 
 pub(crate) fn rehearse_all(options: &ScenarioOptions) -> Result<(), Box<dyn Error>> {
-    // Read all files first, so that a mistake in the last one shows before the others run.
+    // Read all files first, so that a mistake in the last one is reported before any scenario runs.
     let scenarios: Result<Vec<Scenario>, _> =
         options.files.iter().map(|file| Scenario::read(file)).collect();
     let existing = Existing::from_force(options.force);

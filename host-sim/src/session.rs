@@ -171,7 +171,8 @@ impl Session {
         let mut recorded_edges = self.recorded_edges.clone();
         let mut clock = DeviceClock::new(self.pace, model::ADC_RATE_HZ.into(), self.clock_ppm);
         if self.output.file().is_some() {
-            // An output that is a file has no host that could send a `Start`; start here.
+            // An output that is a file has no host that could send a `Start`, so start the board
+            // here.
             let start = Start { streams: self.streams, mains_hz: 0 };
             board.start(start, clock.now_us());
         }
@@ -238,7 +239,8 @@ impl Session {
             0
         };
         outbox.close();
-        // Complete the file before returning an error of the source: the frames in it are whole.
+        // Complete the file before returning an error of the source, because all frames in it are
+        // whole.
         let finished = port.finish_file();
         outcome?;
         finished?;
@@ -256,8 +258,8 @@ impl Session {
     fn complete_writing(&self, outbox: &Outbox, port: &mut Port) -> Result<(), SessionError> {
         let is_drained = outbox.drain_slowly(STALL_TIMEOUT);
         outbox.close();
-        // The thread may never end if its file takes no frames, so join it only if the outbox is
-        // empty.
+        // The thread may never end if the file accepts no more bytes, so join it only if the outbox
+        // is empty.
         let has_ended = is_drained && port.join_writer();
         let unknown = || {
             if is_drained {
@@ -280,8 +282,8 @@ impl Session {
         }
     }
 
-    /// Returns whether the samples left up to the limit would have been processed by now, had the
-    /// run continued after the last sample. A run without a streaming host then ends.
+    /// Returns whether the samples left up to the limit would have been processed by now if the run
+    /// had continued after the last sample. A run without a streaming host then ends.
     fn is_over(&self, samples: u64, last_sample: Instant) -> bool {
         self.limit.is_some_and(|limit| {
             let left = limit.saturating_sub(samples);

@@ -21,7 +21,7 @@ use crate::trigger::Trigger;
 pub struct Identity {
     /// Session id, which should be different at each start of the board. A `Reset` increments it.
     pub session_id: u32,
-    /// Unique id of 96 bits, in place of a microcontroller's.
+    /// Unique id of 96 bits, which a board would read from its microcontroller.
     pub chip_uid: [u8; 12],
     /// Electrodes that the source of the samples lacks, and whether they are interpolated or zero.
     pub substitutes: Substitutes,
@@ -61,7 +61,8 @@ fn session(identity: &Identity, cause: ResetCause, mains: Mains) -> Session<'sta
 #[derive(Debug)]
 pub struct VirtualBoard {
     identity: Identity,
-    /// Mains frequency that the notch filter removes after a boot.
+    /// Mains frequency that the notch filter removes after each start of the board, until a host
+    /// selects another one.
     mains: Mains,
     session: Session<'static>,
     sender: Sender<Outbox>,
@@ -75,7 +76,7 @@ pub struct VirtualBoard {
     producer: Box<Producer<BothEncoders>>,
     /// Memory for an uploaded model, which a restart clears.
     slot: Box<ModelSlot>,
-    /// Parameters of a run that starts with the next sample; otherwise `None`.
+    /// Parameters of the run that starts with the next sample; `None` if no run is about to start.
     new_run: Option<Run>,
     /// Number of samples since boot; `overruns` and `adc_status_bad` also count from boot.
     samples: u64,
@@ -134,7 +135,7 @@ impl VirtualBoard {
     }
 
     /// Captures an edge of the trigger input that happens at `at_us` and precedes the next sample.
-    /// Not for a board with a trigger from [`Self::with_trigger`].
+    /// Must not be called on a board that has a trigger from [`Self::with_trigger`].
     pub fn capture_edge(&mut self, kind: EventKind, at_us: u64) {
         self.captured.push_back(CapturedEvent { kind, number: self.edges, at_us });
         self.edges = self.edges.wrapping_add(1);
@@ -298,8 +299,8 @@ impl VirtualBoard {
         &self.converters
     }
 
-    /// Runs the self-test of the converters, which convert again afterwards. Unlike the command
-    /// `SelfTest`, this function does not refuse while a run is active.
+    /// Runs the self-test of the converters, which then resume conversion. Unlike the command
+    /// `SelfTest`, this function also works while a run is active.
     pub fn run_self_test(&mut self) -> SelfTestReport<CHIPS> {
         self.converters.run_self_test()
     }

@@ -54,8 +54,8 @@ impl Chain<'_> {
         let unsettled = |n: &usize| {
             phases.iter().any(|phase| phase_output(phase, &step, *n).abs() >= threshold)
         };
-        // The magnitudes of a phase's taps sum to less than 2. So the output stays below the
-        // threshold once all samples in the delay line are below half the threshold.
+        // The magnitudes of a phase's taps sum to less than 2. So the output is below the threshold
+        // when all samples in the delay line are below half the threshold.
         let quiet = step
             .iter()
             .rposition(|y| y.abs() >= threshold / 2.0)
@@ -63,7 +63,7 @@ impl Chain<'_> {
         Ok((0..=quiet).rfind(unsettled).map_or(0, |last| last + 1))
     }
 
-    /// Returns the output of the cascade for the first samples of `input`, as many as the cascade's
+    /// Returns the start of the cascade's output for `input`: as many samples as the cascade's
     /// impulse response takes to decay.
     fn cascade_response(&self, input: impl Iterator<Item = f64>) -> Result<Vec<f64>, FilterError> {
         let samples = response::decay_samples(self.sections)?;

@@ -65,7 +65,7 @@ pub struct DeviceModel {
     /// Resampler from the ADC's rate to the step rate, applied after the filters. The same table
     /// serves both mains frequencies.
     pub resampler: ResamplerTable,
-    /// Factor that turns a filtered sample (counts, Q27.5) into a level of the int8 input, Q0.32.
+    /// Factor, Q0.32, that turns a filtered sample (counts, Q27.5) into a level of the int8 input.
     pub input_multiplier: i32,
     /// Quantised encoder, with the weights in the layout of the artifact.
     pub integers: IntegerModel,
@@ -123,7 +123,7 @@ impl DeviceModel {
     }
 }
 
-/// Returns the factor from filtered samples (counts, Q27.5) to levels of the int8 input, Q0.32.
+/// Returns the Q0.32 factor from filtered samples (counts, Q27.5) to levels of the int8 input.
 pub(crate) fn input_multiplier(
     description: &Description,
     integers: &IntegerModel,

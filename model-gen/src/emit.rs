@@ -74,7 +74,8 @@ pub const CHANNELS: usize = {channels};
 /// Whether every chip's data output is at MISO, rather than in a daisy chain.
 pub const IS_CASCADED: bool = {is_cascaded};
 
-/// Whether the chips' clock is the oscillator inside one, rather than an external one.
+/// Whether the clock of the chips is the oscillator inside one of them, rather than an external
+/// one.
 pub const HAS_INTERNAL_CLOCK: bool = {has_internal_clock};
 
 /// Whether the chips are reset and started by opcodes, rather than by pins.
@@ -98,7 +99,7 @@ pub const WINDOW_CENTRE_US: u32 = {window_centre_us};
 /// Fraction bits of a filtered sample, below one ADC count.
 pub const GUARD_BITS: u32 = {GUARD_BITS};
 
-/// Factor from a filtered sample (counts, Q27.5) to a level of the int8 input, Q0.32.
+/// Factor, Q0.32, from a filtered sample (counts, Q27.5) to a level of the int8 input.
 pub const INPUT_MULTIPLIER: i32 = {input_multiplier};
 
 /// Microvolts of one level of the int8 input.
@@ -107,7 +108,7 @@ pub const INPUT_SCALE_UV: f32 = {input_scale_uv};
 /// Number of sections of each filter cascade.
 pub const SECTIONS: usize = {sections};
 
-/// Phases of the resampler: outputs for every `RESAMPLER.down` samples.
+/// Number of phases of the resampler: of outputs for every `RESAMPLER.down` input samples.
 pub const PHASES: usize = {phases};
 
 /// Taps of each phase: samples from which an output is computed.
@@ -152,7 +153,8 @@ pub const PADS_TIME: bool = {pads_time};
 /// Steps, rows and columns of the max-pool.
 pub const POOL: [usize; 3] = {pool:?};
 
-/// Matrices of the fully connected layer for each pooled plane.
+/// Number of matrices into which the fully connected layer's weights for one pooled plane are
+/// split.
 pub const FC_PIECES: usize = {fc_pieces};
 
 /// Kernel of the second convolution, for pairs of input channels and columns of the input.

@@ -9,7 +9,7 @@ use crate::{chain::Chain, error::FilterError, response};
 /// the ADC's rounding noise.
 pub const GUARD_BITS: u32 = 5;
 
-/// Width of an ADC count, a two's-complement number: |count| <= 2^23.
+/// Width of an ADC count in bits. Counts are two's-complement numbers: |count| <= 2^23.
 const ADC_BITS: u32 = 24;
 
 /// Limit of the worst-case gain of every node: full scale of 32 bits divided by full scale of a

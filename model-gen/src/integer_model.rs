@@ -31,7 +31,8 @@ impl IntegerLayer {
 /// A quantised encoder. Layers that the mode lacks are empty.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IntegerModel {
-    /// Mode of the artifact, which says whether the encoder has convolutions, a shortcut, or both.
+    /// Mode of the artifact, which determines whether the encoder has convolutions, a shortcut, or
+    /// both.
     pub mode: Mode,
     /// Dimensions of window and code; padding, pool and sizes of the convolutions.
     pub geometry: Geometry,

@@ -61,7 +61,8 @@ fn convolutions(model: &IntegerModel) -> [Part; 3] {
     let [_, rows, columns] = model.geometry.pooled;
     let [_, pool_rows, pool_columns] = model.geometry.pool;
     let cells = (grid_rows + 2 * margin) * (grid_columns + 2 * margin);
-    // Size of the region of the first convolution's output that the pools read, margins included.
+    // Size of the region of the first convolution's output on which the pools depend, margins
+    // included.
     let [framed_rows, framed_columns] =
         [rows * pool_rows, columns * pool_columns].map(|length| length + KERNEL - 1);
     let [_, hidden_rows, hidden_columns] = model.geometry.hidden;

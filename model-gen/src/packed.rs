@@ -12,11 +12,12 @@ use crate::layer::to_i32;
 pub struct PackedIntegers {
     /// The packed model of the artifact: matrices, levels and frequencies.
     pub model: PackedModel,
-    /// Factor from a filtered sample (counts, Q27.5) to an input value of the packed block, Q0.32.
+    /// Factor, Q0.32, from a filtered sample (counts, Q27.5) to an input value of the packed block.
     pub input_multiplier: i32,
     /// Limit of a block's misfit energy: the sum of squares, in units of an input value, of the
     /// part of the block that the model does not represent. A block above the limit is a misfit.
-    /// Negative if errors are weighted: the probes (last coefficients) then give the energy.
+    /// Negative if errors are weighted; in this case the probes (the last coefficients) give the
+    /// energy.
     pub misfit_energy: i64,
     /// Number of a block's inputs that the analysis has processed after each step of a hop.
     slices: Vec<usize>,
@@ -49,9 +50,9 @@ impl PackedIntegers {
         })
     }
 
-    /// Returns the analysis in slices, one for each step: the index of the slice's first pair of
-    /// inputs, and the packed weights of the inputs that are complete after the step. Zeros pad the
-    /// last slice.
+    /// Returns the analysis in slices, one for each step of a hop: the index of the slice's first
+    /// pair of inputs, and the packed weights of the inputs that the device processes at this step.
+    /// Zeros pad the last slice.
     pub fn analysis(&self) -> Vec<(usize, Vec<Pair>)> {
         let mut start = 0;
         let slices = self.slices.iter().map(|&end| {

@@ -144,7 +144,8 @@ impl Convolutions {
         conv2.absorb(&norm1, KERNEL.pow(3));
         conv2.negate_outputs(&norm2);
         // Keep the signs of norm2's factors: `negate_outputs` has negated the weights of the
-        // channels with negative factors, and the product of both must have the original sign.
+        // channels with negative factors, and the product of weight and factor must have the
+        // original sign.
         let gain2: Vec<f64> = norm2.factor.iter().map(|g| g / pooled.scale).collect();
         let conv2 = conv2.quantise("conv2", &gain2, hidden)?;
 

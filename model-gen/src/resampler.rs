@@ -202,7 +202,8 @@ fn quantise<'a>(taps: impl Iterator<Item = &'a f64> + Clone) -> Vec<i32> {
         reason = "a tap is about the cutoff over half the rate at most: below 2"
     )]
     let mut quantised: Vec<i32> = taps.map(|tap| (tap * scale).round() as i32).collect();
-    // Wrapping is harmless: `UNITY - sum` is small, so it is correct even if a partial sum wraps.
+    // Wrapping is harmless: `UNITY - sum` is small, so the wrapped difference is correct even if a
+    // partial sum wraps.
     let sum = quantised.iter().copied().fold(0, i32::wrapping_add);
     if let Some(largest) = quantised.iter_mut().max_by_key(|tap| tap.unsigned_abs()) {
         *largest = largest.wrapping_add(UNITY.wrapping_sub(sum));

@@ -66,7 +66,7 @@ pub fn decay_samples(sections: &[Section]) -> Result<usize, FilterError> {
     Ok(samples as usize)
 }
 
-/// Returns the distance from the origin of the section's farther pole.
+/// Returns the distance from the origin to the farther of the section's two poles.
 fn pole_radius(section: &Section) -> f64 {
     let (d1, d2) = denominator(section);
     let root = Complex64::new(d1 * d1 / 4.0 - d2, 0.0).sqrt();

@@ -22,11 +22,11 @@ const PAPER: &str = include_str!("../../files/montages/paper-61.toml");
 /// Montage and shape of a model.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct ModelOptions {
-    /// Montage file: grid, order of the ADC's channels, ADC [default:
+    /// Montage file: grid, order of the channels, settings of the ADC [default:
     /// files/montages/paper-61.toml].
     #[arg(long)]
     montage: Option<PathBuf>,
-    /// Sampling rate of the ADC, Hz [default: that of the montage].
+    /// Sampling rate of the ADC, Hz [default: the montage's rate].
     #[arg(long, value_name = "HZ")]
     rate: Option<u32>,
     /// Mode and dimensions.
@@ -34,7 +34,7 @@ pub(crate) struct ModelOptions {
     pub(crate) shape: Shape,
 }
 
-/// Mode and dimensions of a model; the defaults of the command line are the paper's.
+/// Mode and dimensions of a model. The default lengths of code and window are the paper's.
 #[derive(Args, Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Shape {
     /// Layers of the network; pca takes no epochs.
@@ -70,8 +70,8 @@ pub(crate) struct Shape {
     pub(crate) format: CodeFormat,
 }
 
-/// Returns a parser for an option that takes one of `values`. Each is a name, which `T`
-/// deserializes, and the help for this name.
+/// Returns a parser for an option that takes one of `values`, each a pair: a name, from which a `T`
+/// is deserialized, and the help for this name.
 fn choice<T: DeserializeOwned + Clone + Send + Sync + 'static, const N: usize>(
     values: [(&'static str, &'static str); N],
 ) -> impl TypedValueParser<Value = T> {

@@ -112,7 +112,7 @@ const STATE: &str = "state";
 /// The state of a training run except its tensors; stored as JSON.
 #[derive(Serialize, Deserialize)]
 struct State {
-    /// Settings and data of the checkpoint, in the text that [`training_identity`] returns.
+    /// Settings and data of the checkpoint, as the text that [`training_identity`] returns.
     training: String,
     /// Number of epochs after which the training run is finished.
     epochs: u32,
@@ -230,7 +230,8 @@ mod tests {
         assert!(!longer.is_done());
         let before = longer.parameters.clone();
         run.run_epoch(&mut longer);
-        // The epoch has changed the parameters, so the new cycle begins with a rate above 0.
+        // The first epoch of the new cycle changes the parameters, because the cycle begins with a
+        // rate above 0.
         assert_ne!(longer.parameters, before);
         assert_eq!((longer.epoch, longer.settings.epochs, longer.cycle_start), (3, 5, 2));
     }

@@ -35,7 +35,7 @@ pub(crate) use figures::{chance, percent};
 pub(crate) use options::ClassifyOptions;
 pub(crate) use validation::Course;
 
-/// A trained classifier, with further results that a report shows.
+/// A trained classifier, with further results for a report.
 pub(crate) struct Trained {
     pub(crate) classifier: Classifier,
     /// File to which the classifier was written.

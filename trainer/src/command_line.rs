@@ -47,7 +47,7 @@ enum Verb {
     Crossval(Box<CrossvalArgs>),
     /// Train a packed model: as few bits as the requested error allows.
     Packed(Box<PackedOptions>),
-    /// Train the table from which a device finds and substitutes bad electrodes.
+    /// Train the table with which a device finds and substitutes bad electrodes.
     Substitution(SubstitutionOptions),
     /// Train a classifier: spatial filters whose band powers a device sends, and the decision that
     /// a host makes from them.
@@ -94,10 +94,10 @@ struct CrossvalArgs {
 #[derive(Args, Debug)]
 struct ReportArgs {
     /// Folder to write a report to: pictures with their values, and a page that shows them. The
-    /// report of a cross-validation is written once all folds are done.
+    /// report of a cross-validation is written after all folds are done.
     #[arg(long)]
     report: Option<PathBuf>,
-    /// Replace a report in this folder.
+    /// Replace a report in the folder of --report.
     #[arg(long, requires = "report")]
     force: bool,
 }
@@ -129,7 +129,8 @@ enum MontageVerb {
     Check {
         /// Montage file.
         file: PathBuf,
-        /// Recording (EDF, BDF, GDF) to compare: which electrodes it has, which are missing.
+        /// Recording (EDF, BDF, GDF) to compare with the montage: which electrodes it has, which
+        /// are missing.
         #[arg(long)]
         recording: Option<PathBuf>,
     },
@@ -192,7 +193,7 @@ fn evaluate(args: &EvaluateArgs) -> Result<ExitCode, TrainerError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Runs a cross-validation, and prints the table once all folds have an outcome.
+/// Runs a cross-validation, and prints the table if all folds have an outcome.
 fn cross_validate(args: &CrossvalArgs) -> Result<ExitCode, TrainerError> {
     let CrossvalArgs { options, report } = args;
     report::prepare(report.report.as_deref(), report.force)?;

@@ -19,8 +19,8 @@ use serde_json::{Value as Json, json};
 use std::fmt;
 use std::path::Path;
 
-/// Figures of a model on recordings: of its network, of PCA with the same number of components, and
-/// of its packed code.
+/// Figures of a model, measured on recordings: for its network, for PCA with as many components as
+/// a code of the network has values, and for its packed code.
 #[derive(Clone, Debug)]
 pub struct Comparison {
     /// Id of the model, hexadecimal.
@@ -226,7 +226,7 @@ pub fn compare(
 /// Evaluates an artifact like [`compare`], and the loss of classifiers if `loss` is given.
 ///
 /// # Errors
-/// If [`compare`] would fail, or the recordings lack the events or enough trials.
+/// If [`compare`] would fail, or the recordings lack the events or have too few trials.
 pub(crate) fn compare_for(
     folder: &Path,
     files: &TestFiles,
@@ -352,8 +352,9 @@ impl CodeComparison {
     }
 }
 
-/// Measures the errors of a model on a dataset and, if `loss` is given, the loss of classifiers,
-/// under the name `name`. Passes each block of windows to `observe`.
+/// Measures the errors of a model on a dataset and passes each block of windows to `observe`. If
+/// `loss` is given, also adds to it the loss of classifiers on the decoded signals, under the name
+/// `name`.
 fn evaluate_for(
     model: &Artifact,
     dataset: &Dataset,

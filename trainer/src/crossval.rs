@@ -42,7 +42,7 @@ pub(crate) use table::columns;
 /// Options of `trainer crossval`.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct CrossvalOptions {
-    /// Folder in which names of recordings are searched.
+    /// Folder in which recordings are looked up by name.
     #[arg(long, default_value = ".")]
     data: PathBuf,
     /// Recordings (EDF, BDF, GDF) of all subjects: files, folders, patterns such as 'S001*.edf',
@@ -50,7 +50,8 @@ pub(crate) struct CrossvalOptions {
     /// --data].
     #[arg(long, value_delimiter = ',')]
     recordings: Vec<String>,
-    /// Name of the only subject [default: the text before the run's number in each file name].
+    /// Name of the subject in all recordings [default: the text before the run's number in each
+    /// file name].
     #[arg(long)]
     subject: Option<String>,
     #[command(flatten)]
@@ -60,7 +61,7 @@ pub(crate) struct CrossvalOptions {
     mains_hz: u32,
     #[command(flatten)]
     settings: Settings,
-    /// Test each subject once, on all recordings, with a model of all other subjects.
+    /// Test each subject once, on all recordings, with a model trained on all other subjects.
     #[arg(long, conflicts_with_all = ["folds", "repetitions", "blocks", "subject"])]
     leave_one_person_out: bool,
     /// Number of folds of each repetition.
@@ -74,7 +75,7 @@ pub(crate) struct CrossvalOptions {
     /// fold].
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=100))]
     blocks: Option<u16>,
-    /// Compute only shard K of N of the folds. Shards may share the folder.
+    /// Compute only shard K of N of the folds. Shards can share the folder of --out.
     #[arg(long, value_name = "K/N", default_value = "1/1")]
     shard: Shard,
     /// Folder of the outcomes and of the table. Folds whose outcome is there are not computed

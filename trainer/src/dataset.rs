@@ -83,7 +83,7 @@ impl Dataset {
         segment.len() / self.dimensions.electrodes
     }
 
-    /// Returns the window that starts at a time step of a segment.
+    /// Returns the window that starts at the time step `at` of a segment.
     fn window<'a>(&self, segment: &'a [f32], at: usize) -> &'a Window {
         let start = at * self.dimensions.electrodes;
         &segment[start..start + self.dimensions.window_electrodes()]

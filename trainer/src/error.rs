@@ -252,14 +252,13 @@ impl TrainerError {
         )
     }
 
-    /// Returns a function that wraps an error of the operating system with the name of the file
-    /// `path`.
+    /// Returns a function that adds the name of the file `path` to an error of the operating
+    /// system.
     pub(crate) fn file(path: &Path) -> impl Fn(io::Error) -> Self + Copy + '_ {
         |source| Self::File(path.to_owned(), source)
     }
 
-    /// Returns a function that wraps an error in reading a model with the name of the model's
-    /// folder.
+    /// Returns a function that adds the name of a model's folder to an error in reading the model.
     pub(crate) fn no_model(folder: &Path) -> impl Fn(artifact::ArtifactError) -> Self + Copy + '_ {
         |source| Self::NoModel(folder.to_owned(), Box::new(source))
     }
@@ -282,7 +281,7 @@ fn found_words(found: &[String]) -> String {
     }
 }
 
-/// Returns the part of an error message that says how to resume an interrupted training run.
+/// Returns the part of an error message that states how to resume an interrupted training run.
 fn resume_words(epochs: u32, checkpoint: &Path) -> String {
     if epochs == 0 {
         return "there is no checkpoint yet".to_owned();

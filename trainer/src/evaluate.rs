@@ -28,8 +28,8 @@ pub struct Evaluation {
     pub code_sqnr_db: f64,
     /// Number of values that saturated when the windows were quantised.
     pub input_clipped: u64,
-    /// Number of values of the integer codes at either end of their range. Of codes with an
-    /// exponent, only codes with the largest exponent count.
+    /// Number of values of the integer codes at either end of their range. In formats with an
+    /// exponent, only codes with the largest exponent are counted.
     pub code_clipped: u64,
 }
 

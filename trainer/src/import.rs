@@ -23,7 +23,7 @@ use tensors::{Calibration, Reference, StateDict};
 /// Options of `trainer import`.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct Import {
-    /// The network's state_dict, and windows to calibrate and to compare with.
+    /// The network's state_dict, windows to calibrate with and windows to compare with.
     #[arg(long = "safetensors", value_name = "FILE")]
     tensors: PathBuf,
     /// Mode, montage, scale and names, which the tensors do not contain.
@@ -32,7 +32,7 @@ pub(crate) struct Import {
     /// Folder to write the model to.
     #[arg(long)]
     pub(crate) out: PathBuf,
-    /// Replace a model in the folder.
+    /// Replace a model in the folder of --out.
     #[arg(long)]
     force: bool,
 }

@@ -16,8 +16,8 @@ use std::path::Path;
 /// Angle above which a note about neighbours on the grid is printed, degrees: twice the angle
 /// between neighbours of the 10-20 system on the midline.
 const FAR_DEGREES: f64 = 72.0;
-/// Smallest numbers of rows and columns for pools of 2 x 2 cells. The pools of a row must cover at
-/// least three columns, so two pools are needed.
+/// Smallest numbers of rows and columns that a feature map needs for max-pools of 2 x 2 cells. The
+/// pools of a row must cover at least three columns, so a row needs two pools.
 const POOLED: [usize; 2] = [2, 4];
 /// Number of rows, and of columns, that two convolutions of 3 x 3 cells without padding remove.
 const REMOVED: usize = 4;

@@ -3,7 +3,7 @@
 use crate::dataset::Dataset;
 use artifact::reconstruction::{HopLayout, Overlap, Window};
 
-/// Joins decoded windows, as they arrive, to a continuous signal for each segment of a dataset.
+/// Joins decoded windows, as they arrive, into a continuous signal for each segment of a dataset.
 pub(crate) struct OverlapMean {
     overlap: Overlap,
     /// Number of values of a window.

@@ -17,14 +17,15 @@ use std::path::PathBuf;
 pub(crate) use rate_table::{RateTable, cells, to_json};
 pub(crate) use trained::PackedTrained;
 
-/// Number of time steps of a window in `model.toml`, which only networks use.
+/// Number of time steps of a window that is written to `model.toml`; only networks use this number.
 const STEPS: usize = 16;
 
 /// Options of `trainer packed`.
 #[derive(Args, Clone, Debug)]
 #[command(group = ArgGroup::new("model").args(["artifact", "montage"]).required(true))]
 pub(crate) struct PackedOptions {
-    /// Folder of the artifact that the packed model joins: its montage, hop and filters are used.
+    /// Folder of the artifact to which the packed model is added; its montage, hop and filters are
+    /// used.
     #[arg(long)]
     artifact: Option<PathBuf>,
     #[command(flatten)]
@@ -41,13 +42,14 @@ pub(crate) struct PackedOptions {
 /// Options of a new model without a network.
 #[derive(Args, Clone, Debug)]
 struct AloneOptions {
-    /// Montage file of a new model without a network: grid, order of the ADC's channels, ADC.
+    /// Montage file of a new model without a network: grid, order of the channels, settings of the
+    /// ADC.
     #[arg(long, requires = "out")]
     montage: Option<PathBuf>,
     /// Folder to write the new model to.
     #[arg(long, requires = "montage", conflicts_with = "artifact")]
     out: Option<PathBuf>,
-    /// Sampling rate of the new model's ADC, Hz [default: that of the montage].
+    /// Sampling rate of the new model's ADC, Hz [default: the montage's rate].
     #[arg(long, value_name = "HZ", requires = "montage", conflicts_with = "artifact")]
     rate: Option<u32>,
     /// Time steps of a block of the new model: 4, 8 or 16 [default: 8].
@@ -74,9 +76,9 @@ struct FitOptions {
     /// of the training data's variance [default: rate 4].
     #[arg(long)]
     target_mse: Option<f64>,
-    /// Use of the decoded signals: `motor`, so that errors at 8 to 30 Hz that a decoder sees
-    /// through spatial filters have more weight, or another band such as 8..13 [default: visual
-    /// inspection; all errors have equal weight].
+    /// Use of the decoded signals: `motor` gives more weight to errors at 8 to 30 Hz that a decoder
+    /// sees through spatial filters; a band such as 8..13 does the same for this band [default:
+    /// visual inspection; all errors have equal weight].
     #[arg(long = "for", value_name = "USE", value_parser = packed_fit::weight_for)]
     weight: Option<ErrorWeight>,
     /// Weight of the errors in the band of --for, relative to errors at all frequencies [default:

@@ -78,7 +78,7 @@ enum Role {
     Layer,
     /// Kernels, matrix or bias of the last layer of encoder or decoder. If there is a shortcut, the
     /// layer starts at 0, so that the convolutions contribute nothing at first. The layer's
-    /// gradients are not 0 even then, because its inputs are not 0.
+    /// gradients are not 0 at the start, because its inputs are not 0.
     LastLayer,
     /// Factor of a batch norm.
     Gain,
@@ -144,7 +144,7 @@ impl Tensor {
         (self.get_mut)(weights)
     }
 
-    /// Returns whether gradients train the tensor: all except running statistics.
+    /// Returns whether gradients train the tensor; this is so for all except running statistics.
     pub(crate) fn is_trained(&self) -> bool {
         !matches!(self.role, Role::Mean | Role::Variance)
     }
@@ -271,9 +271,10 @@ impl Parameters {
     /// these channels to 0, which holds the norm's output at its bias. Returns the number of
     /// channels.
     ///
-    /// ReLU can silence a channel for good. Its variance then decays towards 0, and the norm would
-    /// amplify the first window that excites the channel by several hundred, beyond the range of a
-    /// requantisation factor. Holding it changes no output for training windows.
+    /// ReLU can silence a channel for good. The channel's variance decays towards 0, and the norm
+    /// would amplify the first window that excites the channel several hundred times, beyond the
+    /// range of a requantisation factor. Holding the channel changes no output for training
+    /// windows.
     pub fn hold_silent_channels(&mut self) -> usize {
         let Weights { encoder, decoder } = &mut self.weights;
         let mut held = 0;

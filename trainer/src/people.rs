@@ -7,7 +7,7 @@
 //! ```
 //!
 //! At equal power, the weight of a person in training depends only on the length of the recordings.
-//! Otherwise a person with twice the amplitude would have four times the weight.
+//! At the recorded power, a person with twice the amplitude would have four times the weight.
 
 use crate::error::TrainerError;
 use crate::progress::ProgressObserver;

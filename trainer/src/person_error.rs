@@ -11,8 +11,8 @@ use packed_fit::Track;
 use serde_json::{Value as Json, json};
 use std::fmt;
 
-/// Error for one person with integer codes. If the recordings have no bad electrodes, both errors
-/// are equal.
+/// Error for one person with integer codes, with and without the substitution of bad electrodes. If
+/// the recordings have no bad electrodes, both errors are equal.
 #[derive(Clone, Debug)]
 pub(crate) struct PersonError {
     pub(crate) person: Person,
@@ -125,7 +125,7 @@ impl IntegerError {
     }
 }
 
-/// The table of people that `trainer evaluate` prints.
+/// The table of each person's error that `trainer evaluate` prints.
 #[derive(Clone, Debug)]
 pub(crate) struct Table<'a>(pub &'a [PersonError]);
 

@@ -16,7 +16,7 @@ pub trait ProgressObserver {
     /// Reports the end of a batch and its loss.
     fn batch_finished(&mut self, _loss: f64) {}
 
-    /// Reports the losses of a finished epoch; epochs count from 1.
+    /// Reports the losses of a finished epoch; epochs are counted from 1.
     fn epoch_finished(&mut self, _epoch: u32, _losses: EpochLosses) {}
 
     /// Returns whether the user has asked to stop. Training calls this after each batch.
@@ -24,14 +24,15 @@ pub trait ProgressObserver {
         false
     }
 
-    /// Reports the work of all unfinished folds of a cross-validation, in blocks to train on.
+    /// Reports the total work of all unfinished folds of a cross-validation: the number of blocks
+    /// to train on.
     fn folds_planned(&mut self, _work: usize) {}
 
     /// Reports the start of a fold of a cross-validation, and its number among the `folds`
     /// unfinished folds.
     fn fold_started(&mut self, _name: &str, _number: usize, _folds: usize) {}
 
-    /// Reports the outcome of a finished fold, and its work in the unit of
-    /// [`folds_planned`](Self::folds_planned).
+    /// Reports the outcome of a finished fold, and its work: the number of blocks that were trained
+    /// on, as in [`folds_planned`](Self::folds_planned).
     fn fold_finished(&mut self, _outcome: &Outcome, _work: usize) {}
 }

@@ -77,7 +77,7 @@ pub(crate) fn prepare(folder: Option<&Path>, force: bool) -> Result<(), TrainerE
     check_writable(folder)
 }
 
-/// Returns a message that tells the user where the report is.
+/// Returns a message that states where the report is.
 pub(crate) fn message(folder: &Path) -> String {
     format!("report written to {}", folder.join(PAGE).display())
 }

@@ -11,7 +11,7 @@ const EXTENSIONS: [&str; 3] = ["edf", "bdf", "gdf"];
 /// Names of recordings to train on and to test with.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct TrainingFiles {
-    /// Folder in which names of recordings are searched, or a pattern of folders such as
+    /// Folder in which recordings are looked up by name, or a pattern of folders such as
     /// 'data/S0*'.
     #[arg(long, default_value = ".")]
     data: PathBuf,
@@ -23,8 +23,8 @@ pub(crate) struct TrainingFiles {
     /// model has no test figures.
     #[arg(long, value_delimiter = ',')]
     test: Vec<String>,
-    /// Name of the only person [default: the text before the run's number in each file name].
-    /// In training, each person's recordings are scaled to the same power.
+    /// Name of the person in all recordings [default: the text before the run's number in each file
+    /// name]. In training, each person's recordings are scaled to the same power.
     #[arg(long)]
     pub(crate) subject: Option<String>,
     /// Mains frequency of the recordings, Hz: 50 or 60.
@@ -35,7 +35,7 @@ pub(crate) struct TrainingFiles {
 /// Names of recordings to evaluate a trained model on.
 #[derive(Args, Clone, Debug, Default)]
 pub struct TestFiles {
-    /// Folder in which names of recordings are searched, or a pattern of folders such as 'data/S0*'
+    /// Folder in which recordings are looked up by name, or a pattern of folders such as 'data/S0*'
     /// [default: .].
     #[arg(long)]
     pub data: Option<PathBuf>,
@@ -43,16 +43,18 @@ pub struct TestFiles {
     /// ranges of them like R11..R12 [default: those in the training card].
     #[arg(long, value_delimiter = ',')]
     pub test: Vec<String>,
-    /// Name of the only person [default: the text before the run's number in each file name].
+    /// Name of the person in all recordings [default: the text before the run's number in each file
+    /// name].
     #[arg(long)]
     pub subject: Option<String>,
-    /// Mains frequency of the recordings, Hz: 50 or 60 [default: that of the training].
+    /// Mains frequency of the recordings, Hz: 50 or 60 [default: the mains frequency of the
+    /// training data].
     #[arg(long = "mains", value_name = "MAINS", value_parser = mains_hz)]
     pub mains_hz: Option<u32>,
 }
 
 impl TestFiles {
-    /// Returns the folder in which names of recordings are searched.
+    /// Returns the folder in which recordings are looked up by name.
     pub(crate) fn folder(&self) -> &Path {
         self.data.as_deref().unwrap_or(Path::new("."))
     }

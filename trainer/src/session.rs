@@ -33,7 +33,7 @@ pub(crate) struct TrainOptions {
     /// References to cite, for the training card.
     #[arg(long, default_value = "not stated")]
     citation: String,
-    /// File that stores the training run after each epoch.
+    /// File in which the training run is saved after each epoch.
     #[arg(long, default_value = "target/trainer/checkpoint.safetensors")]
     checkpoint: PathBuf,
     /// Resume the training run from the checkpoint.

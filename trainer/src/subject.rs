@@ -11,10 +11,10 @@ pub(crate) struct Subject {
 }
 
 /// Groups recordings by subject. If `name` is given, all recordings belong to the subject of this
-/// name. Otherwise a subject's name is the file name without its extension, the number of the run
-/// at its end, and the word before this number: `S001R03.edf` and `S001R04.edf` belong to `S001`,
-/// `motorexecution_subject2_run1.gdf` belongs to `motorexecution_subject2`. A file without a number
-/// is a subject of its own.
+/// name. Otherwise a subject's name is what remains of the file name without its extension, the
+/// number of the run at its end and the word before this number: `S001R03.edf` and `S001R04.edf`
+/// belong to `S001`, `motorexecution_subject2_run1.gdf` belongs to `motorexecution_subject2`. A
+/// file without a number is a subject of its own.
 pub(crate) fn group(recordings: &[PathBuf], name: Option<&str>) -> Vec<Subject> {
     let mut subjects: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
     for recording in recordings {

@@ -1,4 +1,4 @@
-//! Trains the table from which a device substitutes bad electrodes.
+//! Trains the table with which a device substitutes bad electrodes.
 //!
 //! ```text
 //! tracks --> second moment --> inverse --> weights (Q7) --> typical innovations
@@ -25,7 +25,7 @@ pub(crate) use sweeps::{filled, largest_radius};
 /// Options of `trainer substitution`.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct SubstitutionOptions {
-    /// Folder of the artifact that the table joins: its montage and filters are used.
+    /// Folder of the artifact to which the table is added; its montage and filters are used.
     #[arg(long)]
     artifact: PathBuf,
     #[command(flatten)]
@@ -35,7 +35,8 @@ pub(crate) struct SubstitutionOptions {
     force: bool,
 }
 
-/// Trains a table, adds it to an artifact, and returns a text on its errors and its convergence.
+/// Trains a table of substitutions, adds it to an artifact, and returns a text that states its
+/// errors and its convergence.
 ///
 /// # Errors
 /// If the recordings cannot be used or do not determine a table, its sweeps do not converge, or
@@ -102,7 +103,7 @@ pub(crate) fn radius_text(radius: f64) -> String {
     )
 }
 
-/// Returns the errors of a table as text.
+/// Returns the errors of a table of substitutions as text.
 pub(crate) fn figures_text(figures: &SubstitutionFigures) -> String {
     let SubstitutionFigures { median_nmse, worst_nmse, worst_electrode } = figures;
     format!(

@@ -82,7 +82,7 @@ fn ease(from: f64, to: f64, part: f64) -> f64 {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Training {
     pub(crate) settings: Settings,
-    /// Number of finished epochs, of all cycles.
+    /// Number of finished epochs over all cycles.
     pub(crate) epoch: u32,
     /// Number of finished epochs when the current cycle of the learning rate began.
     pub(crate) cycle_start: u32,
@@ -185,7 +185,8 @@ impl Training {
     }
 
     /// Runs the next epoch over windows at random offsets, and returns its losses. `after_batch`
-    /// receives the loss of each batch and may stop the epoch; the training run is then unusable.
+    /// receives the loss of each batch and may stop the epoch, which makes the training run
+    /// unusable.
     ///
     /// The windows depend only on the seed and the epoch, so a resumed training run equals an
     /// uninterrupted run.

@@ -27,10 +27,11 @@ const VERDICTS: [[&str; 3]; 3] = [
 /// measured is null.
 const ALWAYS: &str = "booted codes equal_to_host violations unmapped selftest_ok";
 
-/// Name of the figures, and of the member of each line that names the board.
+/// Name under which the figures are saved, and name of the member of each row that holds the
+/// board's name.
 const FIGURES: &str = "board";
 
-/// Common start of the names of the scenarios with a bridge.
+/// Prefix of the names of the scenarios with a bridge.
 const WITH_BRIDGE: &str = "bridge_";
 
 const AFTER_A_SCENARIO: &str = "run the failed test alone, as docs/bring-up.md has it under \"Reproduce a fault on a \
@@ -90,7 +91,8 @@ fn scenarios(rigs: &[Rig]) -> Command {
     test
 }
 
-/// Prints and saves the figures of `rigs`, which it reads from `file` after the last scenario.
+/// Reads the figures of `rigs` from `file`, prints them and saves them. Call this after the last
+/// scenario.
 fn publish(
     rigs: &[Rig],
     file: &Path,
@@ -104,8 +106,8 @@ fn publish(
     passed
 }
 
-/// Runs an emulated board until Ctrl-C, with its link at TCP port `port`. `other_port` selects the
-/// image for the other link (USB or UART) than the board's default. The model is the rig's own,
+/// Runs an emulated board until Ctrl-C, with its link on TCP port `port`. `other_port` selects the
+/// image for the link (USB or UART) that is not the board's default. The model is the rig's own,
 /// unless `CORTICODE_ARTIFACT` names another.
 pub(crate) fn live(rig: Rig, port: u16, other_port: bool) -> Result<(), Failure> {
     let mut images = rig.images().iter().map(|[name, _]| *name);

@@ -1,4 +1,4 @@
-//! Commands that the verbs of `cargo xtask` run, and a verb's failure.
+//! Commands that the subcommands of `cargo xtask` run, and the failure of a subcommand.
 
 use std::env;
 use std::fmt::Display;
@@ -17,7 +17,7 @@ pub(crate) const AFTER_A_BUILD: &str = "read the compiler's message above";
 pub(crate) const AFTER_A_TEST: &str =
     "run the failed test alone: `cargo test --package CRATE TEST_NAME`, its name as printed above";
 
-/// A failure that ends a verb.
+/// A failure that ends a subcommand of `cargo xtask`.
 #[derive(Debug)]
 pub(crate) struct Failure {
     /// Exit status: 1 if a check failed, 2 if this machine lacks something.
@@ -48,7 +48,7 @@ impl<T, E: Display> OrFail<T> for Result<T, E> {
     }
 }
 
-/// Prints a text to standard output. Ignores a closed pipe, such as that of `head`.
+/// Prints a text to standard output. Ignores a pipe that its reader has closed, as `head` does.
 ///
 /// # Errors
 /// The output cannot be written for another reason.
@@ -117,7 +117,8 @@ pub(crate) fn output(command: &mut Command, next: &str) -> Result<String, Failur
     Err(Failure::check(typed(command), output.status, next))
 }
 
-/// Replaces this process by the command, whose exit status becomes the verb's.
+/// Replaces this process by the command. The exit status of the command becomes that of `cargo
+/// xtask`.
 pub(crate) fn replace(command: &mut Command) -> Result<(), Failure> {
     Err(command.exec()).or_fail(typed(command), "is it installed?")
 }

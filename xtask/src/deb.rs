@@ -106,7 +106,7 @@ fn package(program: &Path) -> Result<PathBuf, Failure> {
         let script = output(Command::new(program).args(["completions", shell]))?;
         write(&format!("usr/share/{path}"), &script)?;
     }
-    // The packages for ROS 2, from which a user builds a workspace.
+    // Copy the packages for ROS 2, from which a user builds a workspace.
     let share = tree.join("usr/share/corticode");
     fs::create_dir_all(&share).or_fail(share.display(), NEXT)?;
     let mut copy = Command::new("cp");

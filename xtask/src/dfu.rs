@@ -57,7 +57,7 @@ pub(crate) fn elf(messages: &str) -> PathBuf {
     build(messages).elf
 }
 
-/// Reads cargo's messages, one in a line.
+/// Reads cargo's messages, one per line, and returns the paths and the version in them.
 fn build(messages: &str) -> Build {
     let mut build = Build::default();
     for line in messages.lines() {
@@ -113,7 +113,8 @@ mod tests {
         let mut elf = vec![0; 52];
         elf[..7].copy_from_slice(b"\x7fELF\x01\x01\x01");
         let count = u8::try_from(addresses.len()).expect("few segments");
-        // Machine, then offset, size and number of the program headers (System V ABI, chapter 4).
+        // Set the machine, then offset, size and number of the program headers (System V ABI,
+        // chapter 4).
         for (at, byte) in [(18, 40), (28, 52), (42, 32), (44, count)] {
             elf[at] = byte;
         }
@@ -131,7 +132,7 @@ mod tests {
         let (address, content) = content.expect("an image");
         assert_eq!(address, 0x0800_0000);
         assert_eq!(content, *b"\x7fELF\xFF\xFF\x7fELF");
-        // Overlapping, too far apart, no segment.
+        // Segments that overlap, segments that are too far apart, and no segment.
         for addresses in [&[0x0800_0000, 0x0800_0002][..], &[0, 0x0800_0000], &[]] {
             assert_eq!(flash_content(&elf(addresses)), None);
         }

@@ -21,23 +21,24 @@ from `docs/figures.toml`; do not edit it. `cargo xtask test` fails when a figure
 than the tolerance in that file. [limits.md](limits.md) defines the words simulated and computed.
 ";
 
-/// Returns the folder to which the verbs write their JSON objects.
+/// Returns the folder to which the commands write their JSON objects.
 fn folder() -> PathBuf {
     target_folder().join("figures")
 }
 
-/// Returns the path of a verb's JSON object, such as `bench-filters.json` for "bench filters".
+/// Returns the path of the JSON object of the command `verb`, such as `bench-filters.json` for
+/// "bench filters".
 fn object_file(folder: &Path, verb: &str) -> PathBuf {
     folder.join(verb.replace(' ', "-")).with_extension("json")
 }
 
-/// Writes the JSON object of a verb to the file from which [`check`] reads it.
+/// Writes the JSON object of the command `verb` to the file from which [`check`] reads it.
 pub(crate) fn save(verb: &str, object: &Value) -> Result<(), Failure> {
     write(&object_file(&folder(), verb), &object.to_string())
 }
 
-/// Makes `program` also write the JSON object of `--json` to the file of `verb`. Empties the file
-/// first, so that no object of an earlier run is mistaken for the new one.
+/// Makes `program` also write the JSON object that its option `--json` prints to the file for
+/// `verb`. Empties the file first, so that no object of an earlier run is mistaken for the new one.
 pub(crate) fn attach(program: &mut Command, verb: &str) -> Result<(), Failure> {
     let file = object_file(&folder(), verb);
     program.env("CORTICODE_OBJECT", &file);
@@ -62,7 +63,7 @@ pub(crate) fn docs(measured: Option<&Path>) -> Result<(), Failure> {
     write(&root().join(PAGE), &page)
 }
 
-/// Compares docs/figures.md with the JSON objects that the verbs of this run have saved.
+/// Compares docs/figures.md with the JSON objects that the commands of this run have saved.
 pub(crate) fn check() -> Result<(), Failure> {
     // The page's figures are from real recordings; without recordings, this run has other figures.
     if env::var_os("CORTICODE_DATA").is_none() {
@@ -87,7 +88,7 @@ fn sections() -> Result<Vec<Section>, Failure> {
     Ok(page.or_fail(file.display(), "correct the file")?.sections)
 }
 
-/// Runs the verb of a section and makes it write its JSON object for [`object`].
+/// Runs the command of a section, which writes its JSON object to the file that [`object`] reads.
 fn measure(section: &Section) -> Result<(), Failure> {
     let mut verb = Command::new(env::current_exe().unwrap_or_default());
     attach(&mut verb, &section.command)?;

@@ -1,5 +1,5 @@
-//! Figures that tests measure and append, as lines of JSON, to the file named by
-//! `CORTICODE_FIGURES`: read from that file, and printed as one object or as tables.
+//! Figures that tests append, as lines of JSON, to the file named by `CORTICODE_FIGURES`. This
+//! module reads that file, and prints the figures as one object or as tables.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -22,7 +22,7 @@ pub(crate) type Figures = BTreeMap<String, Row>;
 /// With `json`, redirects their stdout to stderr, so that stdout holds only the JSON object.
 pub(crate) fn attach(command: &mut Command, verb: &str, json: bool) -> PathBuf {
     // Removing fails if no earlier run left a file, which is no error. A test that cannot write the
-    // file reports so.
+    // file reports this.
     let _ = fs::remove_file(file(verb));
     if json {
         command.stdout(stderr());
@@ -30,8 +30,8 @@ pub(crate) fn attach(command: &mut Command, verb: &str, json: bool) -> PathBuf {
     attach_again(command, verb)
 }
 
-/// Makes the tests of `command` append their figures to the file that an earlier command has begun
-/// for `verb`, and returns its path.
+/// Makes the tests of `command` append their figures to the file for `verb`, which an earlier
+/// command has created. Returns the path of the file.
 pub(crate) fn attach_again(command: &mut Command, verb: &str) -> PathBuf {
     let file = file(verb);
     command.env("CORTICODE_FIGURES", &file);

@@ -1,5 +1,5 @@
-//! `cargo fw` and `cargo flash`: build the image of a board, state for which model and converters,
-//! and write it as a file or to the board.
+//! `cargo fw` and `cargo flash`: build the image of a board, print for which model and converters
+//! it is built, and write it to a file or to the board.
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -53,9 +53,9 @@ pub(crate) struct Options {
     runner: Vec<String>,
 }
 
-/// Prints for which model and converters the image is, and builds it. With `flash`, runs it on the
-/// board. Otherwise writes it as a file for `corticode-bridge update` and prints the file's path;
-/// for a board that takes no update, prints the path of the ELF file.
+/// Prints the model and the converters that the image is for, and builds the image. With `flash`,
+/// runs it on the board. Otherwise writes it as a file for `corticode-bridge update` and prints the
+/// file's path; for a board that takes no update, prints the path of the ELF file.
 pub(crate) fn image(options: &Options, flash: bool) -> Result<(), Failure> {
     install::board_target()?;
     let board = options.board;
@@ -121,7 +121,7 @@ fn summary(folder: &Path) -> Result<String, Failure> {
 }
 
 /// Returns the frequency in MHz of the external clock with which an ADS1299 samples at `rate_hz`:
-/// 2^21 Hz for powers of two, otherwise 2.048 MHz (data sheet section 9.6.1.2).
+/// 2^21 Hz if the rate is a power of two, otherwise 2.048 MHz (data sheet section 9.6.1.2).
 const fn clock_mhz(rate_hz: u32) -> f64 {
     if rate_hz.is_power_of_two() { 2.097_152 } else { 2.048 }
 }

@@ -46,7 +46,7 @@ impl Board {
         (self == Self::Ironbci).then(|| root().join("signal/model/ironbci"))
     }
 
-    /// Whether a host reaches the boot loader in the microcontroller's ROM.
+    /// Whether a host can reach the boot loader in the microcontroller's ROM.
     pub(crate) const fn has_loader(self) -> bool {
         !matches!(self, Self::Ironbci)
     }
@@ -86,7 +86,7 @@ impl Rig {
         Self::TenTwenty32,
     ];
 
-    /// Name on the command line and of the default image.
+    /// Name of the rig on the command line, and of its default image.
     pub(crate) const fn key(self) -> &'static str {
         ["h743", "f446", "ironbci", "kit-250", "kit-500", "cyton-16", "ten-twenty-32"]
             [self as usize]
@@ -100,8 +100,8 @@ impl Rig {
         }
     }
 
-    /// Names of the images, each with the cargo arguments that select it: first the image with the
-    /// other port, last the default image.
+    /// Names of the images, each with the cargo arguments that select it: first the image for the
+    /// port that is not the default, last the default image.
     pub(crate) const fn images(self) -> &'static [[&'static str; 2]] {
         match self {
             Self::H743 => &[
@@ -124,7 +124,7 @@ impl Rig {
         }
     }
 
-    /// Folder of the model of the images; `None` for the built-in one.
+    /// Folder of the model that the rig's images contain; `None` for the built-in one.
     pub(crate) fn model(self) -> Option<PathBuf> {
         match self {
             Self::H743 | Self::F446 | Self::Ironbci => self.board().model(),
@@ -193,8 +193,8 @@ pub(crate) fn build_with(rig: Rig, name: &str, model: &Path) -> Result<PathBuf, 
     Ok(folder)
 }
 
-/// Returns cargo's list of an image's sources without generated files, which a build with another
-/// model overwrites.
+/// Returns cargo's list of an image's sources. Leaves out generated files, because a build with
+/// another model overwrites them.
 fn sources(list: &str) -> String {
     let target = target_folder();
     let is_source = |path: &&str| !Path::new(path).starts_with(&target);
@@ -205,9 +205,10 @@ fn sources(list: &str) -> String {
 
 /// Returns a cargo command for images with the model in `model`, or with the built-in one.
 ///
-/// The crates that depend on another model get a changed profile and thereby other file names, so
-/// that their files with the built-in model remain. Tests and `cargo flash` both use this command,
-/// so that the image that is flashed is, byte for byte, the one that virtual boards have run.
+/// With another model, the crates that depend on the model are compiled with a changed profile. So
+/// their files get other names, and the files with the built-in model remain. Tests and `cargo
+/// flash` both use this command, so that the image that is flashed is, byte for byte, the one that
+/// virtual boards have run.
 pub(crate) fn cargo_for(model: Option<&Path>, words: &str) -> Command {
     let mut cargo = cargo(words);
     match model {

@@ -54,7 +54,8 @@ pub(crate) fn install() -> Result<(), Failure> {
 
 /// Adds Rust's standard library for the microcontrollers, if it is missing.
 pub(crate) fn board_target() -> Result<(), Failure> {
-    // Ask the compiler, not rustup, which a Rust from a Linux distribution lacks.
+    // Ask the compiler whether it has the target. Do not ask rustup, because a Rust from a Linux
+    // distribution comes without it.
     let mut rustc = Command::new("rustc");
     let folder = rustc.args(["--print=target-libdir", "--target", BOARD_TARGET]).output();
     if folder.is_ok_and(|output| Path::new(String::from_utf8_lossy(&output.stdout).trim()).is_dir())
@@ -109,9 +110,10 @@ fn debian_packages() -> Result<(), Failure> {
 
 /// Returns a shell script that installs `packages` with apt-get.
 fn script(packages: &[&str]) -> String {
-    // Noninteractive, because a package's question would block a run without a terminal. Update
-    // first, because a fresh machine has no package lists, without which apt-get installs nothing.
-    // Only `install` can wait for another program, so repeat `update` for ten minutes at most.
+    // Set apt-get to noninteractive, because a package's question would block a run without a
+    // terminal. Update first, because a fresh machine has no package lists, without which apt-get
+    // installs nothing. Only `install` can wait for another program, so repeat `update` for ten
+    // minutes at most.
     let install = apt_get_install(packages);
     format!(
         "export DEBIAN_FRONTEND=noninteractive LC_ALL=C

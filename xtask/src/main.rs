@@ -1,4 +1,4 @@
-//! `cargo xtask`: the project's verbs that need more than a cargo alias, such as a condition, an
+//! `cargo xtask`: the project's commands that need more than a cargo alias, such as a condition, an
 //! environment variable or two commands.
 #![forbid(unsafe_code)]
 
@@ -62,7 +62,7 @@ enum Verb {
         /// synthetic EEG, fits a classifier to two of them, and plays a third
         #[arg(requires = "classifier")]
         recording: Option<PathBuf>,
-        /// Classifier between these cues, a file of `trainer classify`
+        /// Classifier of the recording's cues, a file of `trainer classify`
         classifier: Option<PathBuf>,
         /// Mains frequency, Hz
         #[arg(long, default_value = "50", value_parser = ["50", "60"])]
@@ -70,13 +70,13 @@ enum Verb {
         /// Seed of the synthetic EEG
         #[arg(long, default_value_t = 1)]
         seed: u64,
-        /// Play as fast as this machine can, without latencies, instead of in real time
+        /// Play as fast as this machine can, without measuring latencies, instead of in real time
         #[arg(long)]
         fast: bool,
     },
-    /// Count instructions on an emulated microcontroller, for the checked-in model or another one,
-    /// measure the filters' noise, or time host-sim's files, the bridge or the node on this PC;
-    /// `cargo xtask bench --help` lists the options
+    /// Count instructions on an emulated microcontroller (for the checked-in model or another one),
+    /// measure the filters' noise, or time host-sim's work on files, the bridge or the node on this
+    /// PC; `cargo xtask bench --help` lists the options
     #[command(disable_help_flag = true)]
     Bench {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
@@ -98,7 +98,7 @@ enum Verb {
         #[arg(long, default_value_t = 5555, requires = "live")]
         port: u16,
     },
-    /// Make a microcontroller check the golden vectors itself: emulated ones, or a board
+    /// Make microcontrollers check the golden vectors themselves: emulated ones, or a board
     Hil {
         /// Run on this board, attached by its ST-LINK, instead of on emulated microcontrollers
         #[arg(long, value_enum)]
@@ -145,12 +145,12 @@ enum Verb {
     Deny,
     /// Measure every figure of docs/figures.md and write the page
     Docs {
-        /// Read the results from the JSON files in this folder instead of measuring; `test` leaves
-        /// its own in target/figures
+        /// Read the results from the JSON files in this folder instead of measuring; `test` writes
+        /// such files to target/figures
         #[arg(long)]
         measured: Option<PathBuf>,
     },
-    /// Build the image of a board, print for which model and converters, and write it as a file for
+    /// Build the image of a board, print its model and converters, and write it as a file for
     /// `corticode-bridge update`; the same as `cargo fw`
     Fw(flash::Options),
     /// Build the image of a board and flash it with probe-rs; the same as `cargo flash`

@@ -1,4 +1,4 @@
-//! Verbs of `cargo xtask` that run one program and pass on its output and exit status.
+//! Subcommands of `cargo xtask` that run one program and pass on its output and exit status.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -12,8 +12,8 @@ use crate::command::{
 use crate::images::{self, Board, Rig};
 use crate::install;
 
-/// Arguments that build host-sim and the bridge for the verbs below. They need no ROS 2, whose 53
-/// crates would take a quarter of the time.
+/// Arguments of cargo that build host-sim and the bridge for the commands below. ROS 2 is left out,
+/// because its 53 crates would take a quarter of the build time.
 const BUILD: &str = "build --profile quick --bins --no-default-features --features host-sim/program \
     --package host-sim --package bridge";
 
@@ -54,7 +54,7 @@ pub(crate) fn live_demo(seed: u64) -> Result<(), Failure> {
         "--open-browser",
     ]);
     let shown = run(&mut bridge, "choose another --view-address: CORTICODE_VIEW_ADDRESS");
-    // An error means that Ctrl-C has ended it already.
+    // An error means that Ctrl-C has already ended host-sim.
     let _ = running.kill();
     let _ = running.wait();
     shown
@@ -78,8 +78,8 @@ pub(crate) fn closed_loop(
     replace(demo.arg("loop").args(mains_and_seed).arg(pace).args(own))
 }
 
-/// Runs the benchmark program `report` with the arguments `words`. It is optimised only for
-/// `offline`, `bridge` and `node`, which measure times on this PC.
+/// Runs the benchmark program `report` with the arguments `words`. Compiles it with optimisation
+/// only for `offline`, `bridge` and `node`, which measure times on this PC.
 pub(crate) fn bench(words: &[String]) -> Result<(), Failure> {
     install::board_target()?;
     match words.first().map(String::as_str) {
@@ -144,7 +144,8 @@ pub(crate) fn budget(json: bool) -> Result<(), Failure> {
     replace(budget.arg(images::folder()).args(json.then_some("--json")))
 }
 
-/// Runs the application in real time on an emulated microcontroller, linked to TCP port `port`.
+/// Runs the application in real time on an emulated microcontroller, with its link on TCP port
+/// `port`.
 pub(crate) fn live_qemu(port: u16) -> Result<(), Failure> {
     install::board_target()?;
     let live = format!("run --package emulated --bin live -- --port {port}");

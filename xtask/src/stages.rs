@@ -17,14 +17,14 @@ use crate::{board, docs, figures, install, programs, qemu};
 const AFTER_A_LINT: &str =
     "mend what clippy names above; a lint that is wrong gets `#[expect(.., reason = \"..\")]`";
 
-/// Cargo arguments that select what is linted for microcontrollers besides the boards: the crates
-/// that need no board's feature, and the images for emulated microcontrollers.
+/// Cargo arguments that select the packages to lint for microcontrollers in addition to the boards:
+/// the crates that need no board's feature, and the images for emulated microcontrollers.
 const THUMB_CRATES: &str = "--package=ads1299 --package=fixed-dsp --package=int8-nn --package=packed --package=model \
     --package=pipeline --package=link --package=device --package=firmware --package=bench \
     --package=on-target --package=board-qemu";
 /// Cargo arguments for the bridge without ROS 2, as `cargo demo` builds it. All other features are
 /// the same as in the build of the workspace; `--test recorder` keeps the features that development
-/// dependencies select. So cargo compiles next to nothing again.
+/// dependencies select. Cargo therefore compiles hardly any crate again.
 const BRIDGE_WITHOUT_ROS2: &str = "build --workspace --lib --test recorder --no-default-features \
     --features host-sim/program,neuro-ros/ros1";
 /// Cargo arguments for the NUCLEO-F446RE's image with the network and the packed code. Only models
@@ -35,17 +35,17 @@ const F446_WITH_BOTH_ENCODERS: &str =
 /// Parts of the names of tests that `--fast` leaves out.
 #[rustfmt::skip]
 const SLOW_TESTS: &[&str] = &[
-    // They start programs or ROS, or build models of other shapes.
+    // Tests that start programs or ROS, or build models of other shapes.
     "program::", "_chain::", "other_models::", "catkin::", "closed_loop::", "debian_package::", "decoding_page::",
     "offline_files::", "own_master::", "predictions::", "packed_loss::", "raw_forms::", "events_are_at_their_samples",
     "rosmaster_parity::", "real_ros::",
-    // They compare whole recordings with a reference, or train models.
+    // Tests that compare whole recordings with a reference, or train models.
     "streaming_equals_batch_on", "_numpy::", "packed_python::", "quantise::integer_codes",
     "synthetic_eeg::", "crossval::", "report::",
     // They simulate minutes or hours.
     "synthetic::tests", "every_scenario_of_the_repository", "rates::stamps_follow", "codes::",
     "an_edge_is_at_most_a_row_from_its_place", "after_a_restart_at_any_phase",
-    // They wait for a time limit, or for what a board sends in real time.
+    // Tests that wait for a time limit, or for what a board sends in real time.
     "trouble::", "machine::", "misbehaving_peers::", "duration::", "backlog::", "convert::",
     "gaps::", "names::", "record::", "replay::", "a_board_without_a_reader", "on_a_slow_disk",
     "a_terminal_can_be_closed", "a_model_is_used_only_if_all", "invalid_xml_slow_requests",
@@ -172,7 +172,8 @@ fn build_and_installation() -> Result<(), Failure> {
 fn linting_cargo(words: &str) -> Command {
     let mut cargo = cargo("--config=build.rustc-workspace-wrapper='clippy-driver'");
     cargo.args(words.split_whitespace());
-    // As `cargo clippy -- -D warnings` passes its arguments.
+    // Turn warnings into errors, as `cargo clippy -- -D warnings` does: it passes its arguments to
+    // the driver in this variable.
     cargo.env("CLIPPY_ARGS", "-D__CLIPPY_HACKERY__warnings");
     cargo
 }
@@ -219,7 +220,8 @@ fn all_tests() -> Result<(), Failure> {
     eprintln!("output of `test --boards`, which runs meanwhile: {}", log.display());
     let output = File::create(&log).and_then(|file| Ok([file.try_clone()?, file]));
     let [stdout, stderr] = output.or_fail(log.display(), "is its folder writable?")?;
-    // With the lowest priority, so that it only takes time in which the tests wait.
+    // Run the boards with the lowest priority, so that they use only processor time that the tests
+    // leave unused.
     let mut boards = Command::new("nice");
     boards.args(["-n", "19"]).arg(target_folder().join("debug/xtask"));
     boards.args(["test", "--boards"]).stdout(stdout).stderr(stderr);
@@ -239,7 +241,7 @@ fn all_tests() -> Result<(), Failure> {
     qemu::report(&figures, None, false)
 }
 
-/// Runs tests, with the programs that they start already built.
+/// Runs tests. The programs that the tests start are built already.
 fn tests(test: &mut Command) -> Result<(), Failure> {
     let programs = target_folder().join("debug");
     let cores = thread::available_parallelism().map_or(1, usize::from);
@@ -289,7 +291,7 @@ mod tests {
             cargo.output().expect("cargo")
         };
         let passed = build("/// Returns one.\npub fn one() -> u8 {\n    1\n}\n");
-        // A lint of clippy that only warns.
+        // This code violates a lint that only warns by default.
         let failed = build("/// Returns one.\npub fn one() -> u8 {\n    return 1;\n}\n");
         fs::remove_dir_all(&folder).expect("the folder");
         assert!(passed.status.success(), "{passed:?}");

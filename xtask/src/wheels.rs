@@ -6,17 +6,17 @@ use std::process::Command;
 
 use crate::command::{Failure, OrFail, root, run, succeeds, target_folder};
 
-/// File with the packages, relative to the workspace's root.
+/// File that lists the packages of the environment, relative to the workspace's root.
 const LIST: &str = "tests/acceptance/wheels.txt";
-/// Name of the environment's folder, in cargo's target folder.
+/// Name of the folder of the Python environment, in cargo's target folder.
 const FOLDER: &str = "wheels";
-/// Copy of the list in the environment's folder. It is written last, so it exists only in a
-/// complete environment.
+/// Name of the copy of `wheels.txt` in the environment's folder. The copy is written last, so it
+/// exists only in a complete environment.
 const INSTALLED: &str = "installed.txt";
 /// Debian's Python. Another one on the PATH may lack the module `venv`.
 const PYTHON: &str = "/usr/bin/python3";
 
-/// Creates the environment, unless it has the packages of the list.
+/// Creates the environment, unless it already has the packages of `wheels.txt`.
 pub(crate) fn install() -> Result<(), Failure> {
     let list = root().join(LIST);
     let packages = fs::read_to_string(&list).or_fail(list.display(), "restore the file")?;
@@ -26,8 +26,9 @@ pub(crate) fn install() -> Result<(), Failure> {
     }
     let next = "see the message above; the packages come from the index that pip is set up for";
     run(Command::new(PYTHON).args(["-m", "venv", "--clear"]).arg(&folder), next)?;
-    // Without compiling, because a test loads few of the modules. The list gives every version, so
-    // pip need not resolve dependencies; `pip check` reports a dependency that the list lacks.
+    // Do not compile the modules, because a test loads few of them. The list gives the version of
+    // every package, so pip need not resolve dependencies; `pip check` reports a dependency that
+    // the list lacks.
     let mut pip = Command::new(folder.join("bin/python"));
     pip.args(["-m", "pip", "install", "--quiet", "--no-deps"]);
     pip.args(["--no-compile", "--only-binary=:all:", "--requirement"]);
@@ -38,7 +39,8 @@ pub(crate) fn install() -> Result<(), Failure> {
     fs::write(&copy, packages).or_fail(copy.display(), "make room on the disk")
 }
 
-/// Returns whether the environment has the packages of the list, and its Python still starts.
+/// Returns whether the environment has the packages of the list `packages`, and its Python still
+/// starts.
 fn is_complete(folder: &Path, packages: &str) -> bool {
     let installed = fs::read_to_string(folder.join(INSTALLED));
     installed.is_ok_and(|installed| installed == packages)

@@ -174,7 +174,7 @@ impl Classifier {
         Ok(classifier)
     }
 
-    /// Returns the text of the file.
+    /// Returns the classifier as the text of a file, which [`Self::parse`] reads.
     ///
     /// # Errors
     /// If the TOML library cannot serialise a number.

@@ -16,7 +16,7 @@ pub(crate) struct Volume {
 }
 
 impl Volume {
-    /// Creates a volume with one channel for each bias, which is the value at all its positions.
+    /// Creates a volume with one channel for each bias. All values of a channel equal its bias.
     fn filled(size: [usize; 3], bias: &[f32]) -> Self {
         let [steps, rows, columns] = size;
         let per_channel = steps * rows * columns;
@@ -159,8 +159,8 @@ impl Convolution {
         let length = y.row_start(0, x.size[0] - 1, x.size[1] - 1) + x.size[2];
         let tap_rows = tap_rows(&y);
         let mut weights = self.weight.as_chunks::<KERNEL>().0.iter();
-        // One channel of the input, spread to the output's row length. The weights at the ends of a
-        // kernel row read the zeros before and after it.
+        // One channel of the input, whose rows are spread to the output's row length, with zeros
+        // before and after it. The weights at the ends of a kernel row read these zeros.
         let mut wide = vec![0.0; length + 2 * (KERNEL - 1)];
         for input in 0..self.inputs {
             for step in 0..x.size[0] {
@@ -186,8 +186,8 @@ fn tap_rows(volume: &Volume) -> [usize; KERNEL * KERNEL] {
     std::array::from_fn(|index| volume.row_start(0, index / KERNEL, index % KERNEL))
 }
 
-/// Adds the products of one kernel row to `y`: for each of its weights in turn, weight times the
-/// slice of `x` with the same index.
+/// Adds the products of one kernel row to `y`: for each weight of the row in turn, the weight times
+/// the slice of `x` that has the weight's index.
 fn add_taps(y: &mut [f32], weights: &[f32; KERNEL], x: [&[f32]; KERNEL]) {
     let [first, second, third] = x.map(|x| &x[..y.len()]);
     for (((y, a), b), c) in y.iter_mut().zip(first).zip(second).zip(third) {

@@ -172,12 +172,12 @@ pub struct CodeQuantisation {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum CodeFormat {
-    /// 8-bit numbers, each of the n with its own scale and zero point. A code takes n bytes.
+    /// n 8-bit numbers, each with its own scale and zero point. A code takes n bytes.
     Int8,
     /// 8-bit numbers times a common power of two, chosen for each window, so that large signals are
     /// not clipped and small ones have a finer resolution. A code takes 1 + n bytes.
     Int8Exponent,
-    /// 16-bit numbers, each of the n with its own scale; zero points are 0. A code takes 2n bytes.
+    /// n 16-bit numbers, each with its own scale; zero points are 0. A code takes 2n bytes.
     Int16,
 }
 
@@ -281,8 +281,8 @@ pub enum AdcControl {
     Commands,
 }
 
-/// Returns whether a setting has its default value. Files omit such settings, so that models from
-/// before the setting keep their id.
+/// Returns whether a setting has its default value. Files omit such settings, so that models
+/// written before the setting existed keep their id.
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
@@ -353,8 +353,8 @@ pub struct TrainingCard {
     pub train_files: Vec<String>,
     /// Names of the recordings that were used for the test alone, not for training or validation.
     pub test_files: Vec<String>,
-    /// Which parts of the recordings were not used for training, as text: those that chose the best
-    /// epoch, and the start of each file, where the filters settle.
+    /// Which parts of the recordings were not used for training, as text: the parts with which the
+    /// best epoch was chosen, and the start of each file, where the filters settle.
     pub validation: String,
     /// Mains frequency of the recordings, Hz.
     pub mains_hz: u32,

@@ -29,7 +29,7 @@ struct Convolutions {
     fc: Dense,
 }
 
-/// A code, and the largest activations on the way to it, for calibration.
+/// A code, and the largest activations that occur while it is computed, for calibration.
 #[derive(Clone, Debug)]
 pub struct TracedCode {
     /// The code as floats, before quantisation.

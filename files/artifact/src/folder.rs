@@ -16,16 +16,17 @@ use std::path::Path;
 /// Name of the file that holds the model's description.
 pub(crate) const DESCRIPTION: &str = "model.toml";
 
-/// The two files of a packed model, and the command that writes them.
+/// Names of the two files of a packed model, and the trainer command that writes both.
 const PACKED: Pair = ([PACKED_DESCRIPTION, PACKED_TENSORS], "packed");
-/// The two files of a table of substitutions, and the command that writes them.
+/// Names of the two files of a table of substitutions, and the trainer command that writes both.
 const SUBSTITUTION: Pair = ([substitution::DESCRIPTION, substitution::TENSORS], "substitution");
 
 /// Names of two files, of which a model has both or none, and the trainer command that writes both.
 type Pair = ([&'static str; 2], &'static str);
 
 /// Factor by which the int8 range of input and activations exceeds the range measured in
-/// calibration: clipping costs far more accuracy than coarse resolution.
+/// calibration. This margin is useful because clipping costs far more accuracy than coarse
+/// resolution.
 pub const HEAD_ROOM: f64 = 1.25;
 
 /// A trained model: a network (weights and their calibration), a packed model, or both, with their
@@ -276,8 +277,8 @@ impl Artifact {
         }
     }
 
-    /// Returns names and contents of the files that the model id covers, in the order of the id's
-    /// hash.
+    /// Returns names and contents of the files that the model id covers, in the order in which the
+    /// id hashes them.
     fn to_files(&self) -> Result<Vec<(&'static str, Vec<u8>)>, ArtifactError> {
         let mut files = self.network_files()?;
         if let Some(packed) = &self.packed {
@@ -291,7 +292,7 @@ impl Artifact {
 
     /// Returns the files that depend neither on the packed model nor on the table of substitutions.
     fn network_files(&self) -> Result<Vec<(&'static str, Vec<u8>)>, ArtifactError> {
-        // Breaks the line after each row of the grid, so that people can read it.
+        // Puts each row of the grid on a line of its own, so that people can read the file.
         let description = toml::to_string(&self.description)?
             .replace("[[\"", "[\n    [\"")
             .replace("], [", "],\n    [")

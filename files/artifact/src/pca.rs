@@ -33,7 +33,7 @@ impl Pca {
         Self(tensors)
     }
 
-    /// Returns the PCA of a model of mode `pca`.
+    /// Returns the PCA that a model of mode `pca` contains.
     ///
     /// # Errors
     /// If the model has another mode.

@@ -56,8 +56,8 @@ impl ScalpGrid {
         self.places().map(|(at_cell, _)| cells[at_cell]).collect()
     }
 
-    /// Returns two indices for each value of a window in the order step, electrode: in a window on
-    /// the grid, and in a window of electrodes.
+    /// Returns, for each value of a window in the order step, electrode, its index in a window on
+    /// the grid and its index in a window of electrodes.
     fn places(&self) -> impl Iterator<Item = (usize, usize)> {
         let steps = 0..self.dimensions.steps;
         let cells = steps.flat_map(|step| {

@@ -6,7 +6,7 @@ use crate::geometry::{CONV1_CHANNELS, CONV2_CHANNELS, Dimensions, Geometry, KERN
 /// Number added to a variance before its square root is taken: PyTorch's default.
 pub const NORM_EPSILON: f32 = 1e-5;
 
-/// Name of the calibration tensor with the largest magnitude of the network's input, uV.
+/// Name of the calibration tensor that holds the largest magnitude of the network's input, uV.
 pub(crate) const INPUT_RANGE: &str = "input.max_abs";
 
 /// Name and shape of a tensor; the dimensions are in PyTorch's order.

@@ -72,8 +72,8 @@ pub struct SubstitutionFigures {
 pub struct SubstitutionTable {
     /// Training and test results.
     pub description: SubstitutionDescription,
-    /// Weights, Q7, -127..=127, in the order `[electrode][other electrode]`. An electrode has the
-    /// weight 0 for itself.
+    /// Weights, Q7, -127..=127, in the order `[predicted electrode][other electrode]`. An electrode
+    /// has the weight 0 for itself.
     pub weights: Vec<i8>,
     /// Typical mean square of each electrode's innovation (the electrode minus its prediction), in
     /// (1/16 uV)^2, 1..=2^26.

@@ -120,7 +120,7 @@ impl Tensors {
 mod tests {
     use super::*;
 
-    /// Asserts that `result` is an error with this problem of the tensor `name`.
+    /// Asserts that `result` is an error that reports the problem `expected` of the tensor `name`.
     fn assert_problem<T: std::fmt::Debug>(
         result: Result<T, ArtifactError>,
         name: &str,

@@ -30,8 +30,8 @@ const NUMBERS: RangeInclusive<usize> = 8..=256;
 /// The number of values in a code must be a multiple of this number, because the kernels of the
 /// linear layers compute four outputs at a time.
 const NUMBERS_MULTIPLE: usize = 4;
-/// Smallest number of columns that the pools of a row may cover together: the convolutions compute
-/// three columns at a time.
+/// Smallest number of columns that the pools of a row may cover together, because the convolutions
+/// compute three columns at a time.
 const COLUMNS_AT_A_TIME: usize = 3;
 /// Sampling rates of an ADS1299, Hz: its master clock of 2.048 MHz or 2.097152 MHz divided by
 /// powers of two (datasheet SBAS499, section 9.6.1.2).
@@ -182,9 +182,10 @@ fn check_convolutions(d: &Description) -> Result<(), ArtifactError> {
     );
     Field("network.pool", &List(&pool))
         .must(map[2] / pool[2] * pool[2] >= COLUMNS_AT_A_TIME, expected)?;
-    // A hop must be a whole number of pools in steps, so that overlapping windows share pools. With
-    // padding in time, windows do not share their first and last pools. With pools of four steps,
-    // these would be two of a window's four pools, so such pools are refused.
+    // The number of steps in a hop must be a multiple of the number of steps in a pool, so that
+    // overlapping windows share pools. With padding in time, windows do not share their first and
+    // last pools. With pools of four steps, these would be two of a window's four pools, so pools
+    // of four steps are refused.
     let (steps, expected) = if padding.pads_time() {
         (&[1, 2][..], "of 1 or 2 steps with padding \"all\"")
     } else {

@@ -218,7 +218,8 @@ mod tests {
     fn a_sound_file_of_something_else_is_foreign() {
         let file = image().to_dfu().expect("a file");
         let foreign = Err(DfuseError::Foreign);
-        // In turn: version, size, number of targets, name, number of elements, length, USB product.
+        // Offsets of bytes in these fields, in turn: version, size, number of targets, name, number
+        // of elements, length, USB product.
         for at in [5, 6, 10, 35, 281, 289, 395] {
             let mut file = file.clone();
             file[at] ^= 1;

@@ -13,7 +13,7 @@ pub enum NewFileError {
         /// Name that the user chose.
         path: PathBuf,
     },
-    /// The chosen name, possibly through a link, is the name of a file that the program reads.
+    /// The chosen name leads, possibly through a link, to a file that the program reads.
     #[error(
         "{} is the input {}; choose another name, because --force replaces no input",
         path.display(),

@@ -12,17 +12,17 @@ pub(crate) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 pub(crate) type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
 
-/// Dark blue-grey of text, ticks and emphasised lines.
+/// Dark blue-grey for text, ticks and emphasised lines.
 pub const INK: RGBColor = RGBColor(0x1f, 0x29, 0x33);
 /// Grey of subtitles and axes.
 pub const FAINT: RGBColor = RGBColor(0x62, 0x70, 0x80);
 /// Light grey of grid lines.
 pub(crate) const GRID: RGBColor = RGBColor(0xe4, 0xe9, 0xee);
-/// Blue of input signals; in comparisons, of this project's results.
+/// Blue for input signals; in comparisons, for this project's results.
 pub const SOURCE: RGBColor = RGBColor(0x2b, 0x6c, 0xb0);
-/// Orange of output signals; in comparisons, of results that are not this project's.
+/// Orange for output signals; in comparisons, for results of other projects.
 pub const RESULT: RGBColor = RGBColor(0xdd, 0x6b, 0x20);
-/// Green of reference values, such as published results or the designed response of a filter.
+/// Green for reference values, such as published results or the designed response of a filter.
 pub const REFERENCE: RGBColor = RGBColor(0x2f, 0x85, 0x5a);
 
 const FONT: &str = "Helvetica, Arial, DejaVu Sans, sans-serif";

@@ -13,7 +13,7 @@ use crate::spread::Spread;
 pub struct HeatMap {
     /// Dequantised codes of 128 values each; `None` stands for a lost code.
     pub codes: Vec<Option<Vec<f32>>>,
-    /// Time of the first code since the device's start, s.
+    /// Time from the device's start to the first code, s.
     pub start_s: f64,
     /// Time between two codes, s.
     pub interval_s: f64,
@@ -24,8 +24,8 @@ pub struct HeatMap {
 }
 
 const SIZE: (u32, u32) = (1200, 860);
-/// Highest colour level. Each value of a code is drawn at one of the levels -10 to 10, by its
-/// deviation from the mean of this component over the codes.
+/// Highest colour level. Each value of a code is drawn at one of the levels -10 to 10, which
+/// depends on its deviation from the mean of the same component over the codes.
 const STRONGEST: i32 = 10;
 /// Deviation from the mean, in standard deviations, that is drawn at the highest level.
 const REACH: f64 = 2.5;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::canvas::{self, Area, Drawn, PictureError};
 
-/// A histogram whose bars show shares of all values.
+/// A histogram. Each bar shows the share of all values that lie in its bin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Histogram {
     /// Lower end of the first bin and upper end of the last bin.

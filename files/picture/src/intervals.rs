@@ -15,9 +15,10 @@ const PAPER_MS: Spread = Spread { mean: 62.499, sd: 0.227 };
 pub struct Intervals {
     /// Intervals between the arrivals of successive codes at the subscriber, drawn as bars.
     pub arrival: Series,
-    /// Intervals between the creation of these codes; a dashed line marks the mean interval.
+    /// Intervals between the same codes at their source; a dashed line marks the mean interval.
     pub source: Series,
-    /// Intervals between these codes after passing through another program, drawn as an outline.
+    /// Intervals between the arrivals of the same codes through another program, drawn as an
+    /// outline.
     pub rival: Option<Series>,
     /// Line below the title, such as the number of codes and their path.
     pub subtitle: String,
@@ -117,7 +118,8 @@ impl Counted {
         counted
     }
 
-    /// Returns the legend's text for `series`: name, mean, SD, and how many intervals are outside.
+    /// Returns the legend's text for `series`: name, mean, SD, and number of intervals outside the
+    /// axis.
     fn label(&self, series: &Series) -> String {
         let (spread, outside) = (Spread::from_values(&series.ms), self.outside);
         format!("{}: {spread} ms, {outside} beyond the axis", series.name)

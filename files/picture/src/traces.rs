@@ -25,7 +25,7 @@ pub struct Traces {
     pub rows: Vec<Trace>,
     /// Sampling rate of the signals, Hz.
     pub rate_hz: f64,
-    /// Time of the first value, s, after the moment that `since` names.
+    /// Time from the moment that `since` names to the first value, s.
     pub start_s: f64,
     /// Moment from which time is counted, such as "the device's start".
     pub since: String,

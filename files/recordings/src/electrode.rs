@@ -54,7 +54,8 @@ const OLD_NAMES: [(&str, &str); 4] = [("T3", "T7"), ("T4", "T8"), ("T5", "P7"), 
 const REFERENCES: [&str; 13] =
     ["REF", "LE", "RE", "AR", "AV", "AVG", "CAR", "A1", "A2", "A1A2", "M1", "M2", "M1M2"];
 
-/// Minimum number of labels that name another cap; each is a letter and a number.
+/// Smallest number of labels such as B7, a letter and a number, from which a recording counts as
+/// made with a cap that has names of its own.
 const CAP_NAMES_MIN: usize = 8;
 
 /// Returns the name in a label, and the reference that follows a dash. Both are in upper case,

@@ -87,7 +87,8 @@ pub enum RecordingError {
 }
 
 impl RecordingError {
-    /// Returns whether the error is about a field of the header, so that the file may be damaged.
+    /// Returns whether the error is about a field of the header, which may mean that the file is
+    /// damaged.
     pub(crate) fn is_about_the_header(&self) -> bool {
         matches!(
             self,

@@ -23,7 +23,7 @@ pub(crate) struct Header {
     pub(crate) signals: Vec<Signal>,
     /// Byte offset of the first record in the file.
     pub(crate) data_start: u64,
-    /// Number of records that the header states; `None` if it states -1 or 0, unknown.
+    /// Number of records that the header states; `None` if it states -1 or 0, which mean unknown.
     pub(crate) records: Option<u64>,
     /// Duration of a record, s; `None` if it is 0, as in files that contain annotations only.
     pub(crate) record_duration: Option<Ratio>,

@@ -26,7 +26,7 @@ pub enum Missing {
 /// has fewer electrodes, all of them are used.
 pub const NEIGHBOURS: usize = 4;
 
-/// Number of labels of another cap that an error shows.
+/// Largest number of labels that [`MontageMapError::OtherCap`] lists.
 const NAMES_SHOWN: usize = 6;
 
 /// Where the values of one montage electrode come from.
@@ -111,7 +111,8 @@ impl MontageMap {
     /// Finds each electrode of the montage (`electrodes`) among the labels of the recording
     /// (`labels`). [`Electrode::parse`] defines which spellings are equal. If two signals have the
     /// same electrode, the map uses the first signal. If the labels of all electrodes end with the
-    /// name of one reference, this suffix is stripped; the montage's electrode of this name is 0.
+    /// name of one reference electrode, this suffix is stripped; if the montage contains the
+    /// reference electrode, its value is 0.
     ///
     /// # Errors
     /// [`MontageMapError`] if the montage is invalid or the recording does not fit it.
@@ -246,7 +247,8 @@ impl MontageMap {
 }
 
 /// Returns the [`NEIGHBOURS`] signals nearest to `electrode` as pairs (index, weight). `located`
-/// holds the electrode of each signal; if two signals have the same electrode, the first counts.
+/// holds the electrode of each signal; if two signals have the same electrode, only the first is
+/// used.
 fn nearest(electrode: &Electrode, located: &[Option<Electrode>]) -> Vec<(usize, f64)> {
     let position = Position::from_electrode(electrode);
     let distance = |other| position.chord_squared(Position::from_electrode(other));
@@ -357,7 +359,8 @@ mod tests {
             let message = refused.expect_err("another cap").to_string();
             assert!(message.contains("names of another cap"), "{message}");
         }
-        // Seven labels of a cap's form, beside ear lobes and 10-20 electrodes, are too few.
+        // Seven labels such as B7, beside ear lobes and 10-20 electrodes, are too few to count as
+        // another cap.
         let mut labels = cap("B", plain)[..7].to_vec();
         labels.extend(["A1", "A2", "C3", "F4"].map(str::to_owned));
         let map = MontageMap::new(&labels, &["C3", "F4"], Missing::Refuse);

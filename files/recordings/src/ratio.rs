@@ -32,8 +32,8 @@ impl Ratio {
         Self::simplest(value * (1.0 - 1e-11), value * (1.0 + 1e-11))
     }
 
-    /// Returns the fraction with the smallest terms from `least` to `most`, by continued fractions;
-    /// `None` unless 0 < `least` <= `most` and the terms fit 64 bits.
+    /// Among the fractions from `least` to `most`, returns the one with the smallest terms, found
+    /// by continued fractions; `None` unless 0 < `least` <= `most` and the terms fit 64 bits.
     pub(crate) fn simplest(least: f64, most: f64) -> Option<Self> {
         let (mut low, mut high) = (least, most);
         if low.is_nan() || high.is_nan() || low <= 0.0 || low > high {

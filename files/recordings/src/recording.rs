@@ -166,7 +166,7 @@ impl Recording {
         self.header.signals.iter().map(|signal| signal.label.as_str()).collect()
     }
 
-    /// Returns the defects of the file found so far that do not prevent reading it.
+    /// Returns the defects found so far that do not prevent reading the file.
     pub fn warnings(&self) -> &[Warning] {
         &self.header.warnings
     }

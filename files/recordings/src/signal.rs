@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use crate::{header::array_at, ratio::Ratio};
 
-/// What a signal of a file holds: EDF and BDF files store annotations in the form of signals.
+/// What a signal of a file holds. EDF and BDF files also store annotations as signals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SignalKind {
     /// Samples of a measured quantity.
@@ -57,17 +57,18 @@ pub struct Calibration {
     /// Physical values of `digital`, in the signal's unit.
     pub(crate) physical: [f64; 2],
     gain: f64,
-    /// The point (d0, p0) of the formula above: a digital and a physical value.
+    /// The point (d0, p0) in the formula of [`Calibration`]: a digital value and its physical
+    /// value.
     nearest_zero: [f64; 2],
 }
 
 impl Calibration {
-    /// The line on which physical values equal digital values.
+    /// The calibration whose physical values equal the digital values.
     pub(crate) const IDENTITY: Self =
         Self { digital: [-1.0, 1.0], physical: [-1.0, 1.0], gain: 1.0, nearest_zero: [0.0, 0.0] };
 
-    /// Creates the line through both ends of the ranges; `None` unless all ends are finite and the
-    /// gain is finite and not 0.
+    /// Creates the line through (digital minimum, physical minimum) and (digital maximum, physical
+    /// maximum); `None` unless all ends are finite and the gain is finite and not 0.
     pub(crate) fn new(digital: [f64; 2], physical: [f64; 2]) -> Option<Self> {
         // Exact scaling by powers of two prevents overflow in differences and products of the ends.
         let [digital_unit, physical_unit] = [digital, physical].map(power_of_two);
@@ -104,7 +105,7 @@ impl Calibration {
     }
 }
 
-/// Returns the largest power of two that is not above the larger magnitude of both ends.
+/// Returns the largest power of two that is not above the larger magnitude of the two ends.
 fn power_of_two(ends: [f64; 2]) -> f64 {
     let [a, b] = ends.map(f64::abs);
     // A float without its fraction bits is a power of two.
@@ -121,7 +122,7 @@ fn difference_of_products([a, b]: [f64; 2], [c, d]: [f64; 2]) -> f64 {
     a.mul_add(b, -product) + error
 }
 
-/// Why a signal has no [`Calibration`]: the text states the ranges in its header.
+/// Why a signal has no [`Calibration`]. The text states the signal's ranges, as in the header.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{0}")]
 pub struct UnusableRange(String);

@@ -8,7 +8,7 @@ use crate::error::RecordingError;
 pub trait Source: Read + Seek + Send {}
 impl<T: Read + Seek + Send> Source for T {}
 
-/// Number of bytes that are read at once; a longer record is read alone.
+/// Number of bytes that are read at once; a record that is longer is read as a whole.
 pub(crate) const BLOCK_BYTES: u64 = 64 * 1024;
 
 /// Fills `bytes` from the source, starting at byte offset `at`.
@@ -27,8 +27,8 @@ pub(crate) fn read_at(
         .map_err(|source| RecordingError::Read { at, bytes: length, source })
 }
 
-/// Converts a number of bytes, which the caller has checked against the size of the file, to
-/// `usize`. On a 32-bit machine the conversion saturates, and the allocation then fails.
+/// Converts a number of bytes to `usize`. The caller must have checked the number against the size
+/// of the file. On a 32-bit machine the conversion saturates, and the allocation then fails.
 pub(crate) fn in_memory(bytes: u64) -> usize {
     usize::try_from(bytes).unwrap_or(usize::MAX)
 }

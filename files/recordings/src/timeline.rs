@@ -13,8 +13,8 @@ pub(crate) struct Timeline {
     /// Start of each record in the file, and in the played signal, s; ascending. For a file without
     /// gaps, holds at most the first record.
     records: Vec<(f64, f64)>,
-    /// Duration of the signal without gaps from each entry of `records` on, s: one record if the
-    /// format allows gaps, otherwise the whole signal.
+    /// Duration, in s, of the stretch without gaps that starts at each entry of `records`: one
+    /// record if the format allows gaps, otherwise the whole signal.
     section_s: f64,
     /// Duration of a record, s.
     record_s: f64,

@@ -228,9 +228,9 @@ mod tests {
 
     #[test]
     fn a_rate_group_that_is_ahead_buffers_only_a_few_blocks() {
-        // The file lasts 20 minutes. At most 32,768 samples (512 and 160 Hz) and 47,348 samples
-        // (160 and 250 Hz) were measured in memory, so 65,536 is the limit. A single block read
-        // from the file already holds 48 s (24,576 outputs) or 79 s (40,448 outputs).
+        // The file lasts 20 minutes. According to measurements, at most 32,768 samples (512 and 160
+        // Hz) and 47,348 samples (160 and 250 Hz) are in memory, so 65,536 is the limit. A single
+        // block read from the file already holds 48 s (24,576 outputs) or 79 s (40,448 outputs).
         const SECONDS: u16 = 1200;
         for rates in [[512, 160], [160, 250]] {
             let file = Cursor::new(file(rates, SECONDS));

@@ -11,13 +11,14 @@ use embassy_stm32::{
 };
 use firmware::deadlines::priority;
 
-/// Frequency of the core after a reset, Hz; it then runs from the oscillator HSI (RM0433, RCC).
+/// Frequency of the core directly after a reset, when it runs from the oscillator HSI, Hz (RM0433,
+/// RCC).
 pub(crate) const AFTER_RESET_HZ: u32 = 64_000_000;
 
 /// Clocks at the HSE input from which [`config`] can derive all others. They are measured with HSI,
-/// which is accurate to 1.5 % (DS12110, section 7.3.9); this gives the range of the ST-LINK's
-/// crystal. Its RC oscillator has a wider range. A frequency between the two ranges counts as
-/// neither clock.
+/// which is accurate to 1.5 % (DS12110, section 7.3.9); the range of the ST-LINK's crystal follows
+/// from this accuracy. The range of the ST-LINK's RC oscillator is wider. A frequency between the
+/// two ranges counts as neither clock.
 pub(crate) const SOURCES: &[KnownClock] = &[
     (ClockSource::StLink, 7_760_000..=8_160_000),
     (ClockSource::StLinkCrystal, 8_200_000..=8_470_000),
@@ -91,7 +92,7 @@ type Factor = (PllMul, Option<u16>);
 impl Inputs {
     const fn of(source: ClockSource) -> Self {
         match source {
-            // 8 MHz, times 120 and 64.
+            // PLL1 multiplies 8 MHz by 120, PLL2 by 64.
             ClockSource::StLink => Self {
                 source: PllSource::HSE,
                 prediv: PllPreDiv::DIV1,
@@ -99,7 +100,7 @@ impl Inputs {
                 pll1: (PllMul::MUL120, None),
                 pll2: (PllMul::MUL64, None),
             },
-            // 25 MHz / 9, times 345.6 and 184.32 less 0.3 ppm.
+            // PLL1 multiplies 25 MHz / 9 by 345.6, PLL2 by 184.32 less 0.3 ppm.
             ClockSource::StLinkCrystal => Self {
                 source: PllSource::HSE,
                 prediv: PllPreDiv::DIV3,
@@ -107,7 +108,7 @@ impl Inputs {
                 pll1: (PllMul::MUL345, Some(4_915)),
                 pll2: (PllMul::MUL184, Some(2_621)),
             },
-            // 64 MHz / 20, times 300 and 160. The board has no crystal at HSE.
+            // PLL1 multiplies 64 MHz / 20 by 300, PLL2 by 160. The board has no crystal at HSE.
             ClockSource::NoClock | ClockSource::OtherClock | ClockSource::Crystal => Self {
                 source: PllSource::HSI,
                 prediv: PllPreDiv::DIV20,

@@ -10,7 +10,8 @@ impl HseTimer for Timer {
     fn start(&mut self) {
         RCC.cfgr().modify(|clocks| clocks.set_rtcpre(HSE_DIVIDER));
         RCC.apb2enr().modify(|enable| enable.set_tim17en(true));
-        // The clock starts with a delay; a read of the register waits for it.
+        // The clock of the timer starts with a delay; a read of the register waits until the clock
+        // runs.
         let _ = RCC.apb2enr().read();
         // Input 1 is HSE / RTCPRE (RM0433, TIM17_TISEL; stm32h7xx_hal_tim_ex.h).
         TIM17.tisel().write(|input| input.set_tisel(0, 2));

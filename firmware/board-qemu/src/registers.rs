@@ -17,7 +17,8 @@ pub(crate) const TIMER0: Registers = Registers { base: 0x4000_0000 };
 pub(crate) const TIMER1: Registers = Registers { base: 0x4000_1000 };
 /// First half of the dual timer: the free-running clock (CMSDK, ARM DDI 0479, section 4.5).
 pub(crate) const DUAL_TIMER: Registers = Registers { base: 0x4000_2000 };
-/// Second half of the dual timer: edges of the trigger (CMSDK, ARM DDI 0479, section 4.5).
+/// Second timer of the dual timer: generates the edges of the trigger (CMSDK, ARM DDI 0479, section
+/// 4.5).
 pub(crate) const DUAL_TIMER_SECOND: Registers = Registers { base: 0x4000_2020 };
 /// UART to the host (CMSDK, ARM DDI 0479, section 4.3).
 pub(crate) const UART0: Registers = Registers { base: 0x4000_4000 };

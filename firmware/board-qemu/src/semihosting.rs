@@ -35,7 +35,8 @@ impl Arguments {
     }
 }
 
-/// File on the PC, open for reading; the field is the handle that the emulator gave it.
+/// File on the PC, open for reading; the field is the handle that the emulator assigned to the
+/// file.
 #[derive(Debug)]
 pub(crate) struct HostFile(usize);
 

@@ -16,7 +16,7 @@ use crate::{
 /// the file holds the microseconds since the converter's first DRDY edge: 64 bits, little endian.
 pub(crate) const EDGES: &core::ffi::CStr = c"trigger.u64";
 
-/// State of the trigger input; it is dropped at the end of the file of edges.
+/// State of the trigger input; `TRIGGER` is empty after the end of the file of edges.
 struct Trigger {
     file: HostFile,
     /// Time of the converter's first DRDY edge, ticks.

@@ -96,7 +96,8 @@ pub fn start_tasks(board: Board) -> Result<SendSpawner, SpawnError> {
         reset_cause: previous.as_ref().map_or(board.reset_cause, FaultRecord::reset_cause),
         fault: clock_fault,
     };
-    // After any other reset, the converters have already had power for long enough to start.
+    // After a reset with any other cause, the converters have already had power for long enough to
+    // start.
     let is_cold = matches!(
         board.reset_cause,
         ResetCause::PowerOn | ResetCause::BrownOut | ResetCause::NotKnown
@@ -140,8 +141,8 @@ pub fn start_watchdog(watchdog: pac::iwdg::Iwdg) {
 }
 
 /// Feeds the running watchdog while all tasks make progress. The period stays at
-/// [`deadlines::START_UP`] until every task has made progress once: the converters start in more
-/// than a second.
+/// [`deadlines::START_UP`] until every task has made progress once, because the converters take
+/// more than a second to start.
 pub async fn feed_watchdog(watchdog: Peri<'static, impl wdg::Instance>) -> ! {
     let us = u32::try_from(deadlines::WATCHDOG.as_micros()).unwrap_or(u32::MAX);
     let mut stopped = Some(watchdog);
@@ -204,11 +205,11 @@ async fn converse(
 #[cfg(all(feature = "network", feature = "packed"))]
 pub(crate) type ImageEncoders = device::BothEncoders;
 
-/// Memory of the image's encoder: the network alone.
+/// Memory of the image's encoder, if the image has the network alone.
 #[cfg(all(feature = "network", not(feature = "packed")))]
 pub(crate) type ImageEncoders = pipeline::EncoderMemory;
 
-/// Memory of the image's encoder: the packed code alone.
+/// Memory of the image's encoder, if the image has the packed code alone.
 #[cfg(all(feature = "packed", not(feature = "network")))]
 pub(crate) type ImageEncoders = pipeline::PackedMemory;
 

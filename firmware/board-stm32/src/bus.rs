@@ -130,7 +130,8 @@ impl DelayNs for Delay {
     }
 
     async fn delay_us(&mut self, us: u32) {
-        // Add one microsecond: the current one has partly passed, so the delay could be too short.
+        // Add one microsecond: the current microsecond has partly passed, so the delay could
+        // otherwise be too short.
         let wait = Duration::from_micros(u64::from(us) + 1);
         if us <= SHORT_US {
             block_for(wait);

@@ -17,7 +17,8 @@ pub enum ClockSource {
     Crystal,
     /// Internal RC oscillator (HSI), because there is no clock at the HSE input.
     NoClock,
-    /// Internal RC oscillator (HSI), because the clock at the HSE input has another frequency.
+    /// Internal RC oscillator (HSI), because the frequency of the clock at the HSE input is not
+    /// supported.
     OtherClock,
 }
 

@@ -152,7 +152,8 @@ pub(crate) struct Adc {
 }
 
 impl Adc {
-    /// Creates the converter from the wires of a chain at rest; the self-test uses `test`.
+    /// Creates the converter from the wires of a chain that does not run. `test` is the memory of
+    /// the self-test.
     pub(crate) fn new(wires: Wires, test: &'static mut SelfTest<CHIPS>) -> Self {
         let (chain, drdy) = wires.into_chain();
         let sampler = Sampler::new(chain, CONVERTER_SETTINGS);
@@ -164,8 +165,8 @@ impl Adc {
         }
     }
 
-    /// Sets up the chain and starts it; with `is_cold`, after the time that the converters need
-    /// after power-on. A failure is logged, and every sample is then flagged.
+    /// Sets up the chain and starts it. If `is_cold` is true, first waits for the time that the
+    /// converters need after power-on. A failure is logged, and every sample is then flagged.
     pub(crate) async fn start(&mut self, is_cold: bool) {
         self.drdy.enable_interrupt();
         self.chain.start(is_cold, &mut drdy_edges()).await;
@@ -232,8 +233,8 @@ impl Converter for &mut Adc {
         ))
     }
 
-    /// Runs the self-test. If the start of the chain had failed, then sets up the chain again at
-    /// once.
+    /// Runs the self-test. The test ends with a new set-up and start of the chain, even if the
+    /// previous start had failed.
     async fn self_test(&mut self, alive: impl FnMut()) {
         self.chain.sampler_mut().self_test(self.test, &mut drdy_edges(), alive).await;
         let failure = self.test.report().not_restored;

@@ -49,8 +49,8 @@ pub fn init_chip(config: Config) -> Peripherals {
     })
 }
 
-/// Sets the priorities and enables DRDY's interrupt. A board sets the priorities of the peripherals
-/// that only this board uses.
+/// Sets the priorities of the interrupts that all boards share, and enables DRDY's interrupt. Each
+/// board sets the priorities of the interrupts that only this board uses.
 pub(crate) fn init() {
     interrupt::EXTI9_5.set_priority(nvic_priority(priority::DRDY));
     interrupt::EXTI15_10.set_priority(nvic_priority(priority::TRIGGER));

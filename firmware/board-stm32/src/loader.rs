@@ -1,4 +1,5 @@
-//! Runs the microcontroller's own boot loader, in the system memory, and resets the chip after it.
+//! Runs the microcontroller's own boot loader, which is in the system memory, and resets the chip
+//! after the boot loader has updated the program.
 #![expect(unsafe_code, reason = "runs another program")]
 
 use cortex_m::{asm, peripheral::SCB};
@@ -23,9 +24,10 @@ impl Loader {
     }
 
     /// If the host requested the boot loader before the last reset, calls `prepare` and runs the
-    /// boot loader, without returning. If the boot loader has started this program, after an update,
-    /// resets the chip. Otherwise does nothing. `main` must call this function first, because the
-    /// boot loader expects the chip in the state after a reset.
+    /// boot loader; in this case, the function does not return. If the boot loader has started this
+    /// program, as it does after an update, resets the chip. Otherwise does nothing. `main` must
+    /// call this function first, because the boot loader expects the chip in the state after a
+    /// reset.
     pub fn run_if_requested(self, prepare: impl FnOnce()) {
         // SAFETY: `SCB::PTR` is the address of the core's own registers, which no other code of
         // this program uses yet.

@@ -86,11 +86,11 @@ pub(crate) fn refill_budget() {
     }
 }
 
-/// Handles an edge; called by the trigger's interrupt. Disables the interrupt once the budget is
+/// Handles an edge; called by the trigger's interrupt. Disables the interrupt when the budget is
 /// spent.
 ///
 /// The timer continues to capture edges, and after the next [`refill_budget`] the interrupt handles
-/// the latest one. While no samples are read, and therefore no run is active, nothing refills the
+/// the latest edge. While no samples are read, and therefore no run is active, nothing refills the
 /// budget; the time of this latest edge can then be wrong by multiples of 65.536 ms.
 pub(crate) fn on_edge() {
     interrupts::clear_pending(1 << PIN);

@@ -10,8 +10,8 @@ pub(crate) struct Edge {
     pub(crate) lost: u32,
 }
 
-/// Level and stamp of the trigger input when its interrupt last ran, and how often the interrupt
-/// may still run.
+/// Level and stamp of the trigger input when its interrupt last ran, and the number of times that
+/// the interrupt may still run.
 #[derive(Debug)]
 pub(crate) struct TriggerLine {
     is_high: bool,
@@ -43,13 +43,13 @@ impl TriggerLine {
         self.budget == 0
     }
 
-    /// Returns the new edge that a level and a stamp show, or `None` if both are unchanged. `stamp`
-    /// belongs to the latest edge, which must be less than 32 ms before or after `now_us`.
+    /// Returns the new edge that a level and a stamp indicate, or `None` if both are unchanged.
+    /// `stamp` belongs to the latest edge, which must be less than 32 ms before or after `now_us`.
     ///
     /// Rising and falling edges alternate, so a new stamp with an unchanged level means that
-    /// another edge in between was lost.
+    /// another edge, between the previous edge and this one, was lost.
     pub(crate) fn observe(&mut self, is_high: bool, stamp: u16, now_us: u64) -> Option<Edge> {
-        // Count an observation without a new edge too: the interrupt has run for it.
+        // An observation without a new edge counts too, because the interrupt has run for it.
         self.budget = self.budget.saturating_sub(1);
         if is_high == self.is_high && stamp == self.stamp {
             return None;

@@ -71,9 +71,9 @@ fn main() -> ExitCode {
     ExitCode::FAILURE
 }
 
-/// Prints the figures of every board's first image as a table, or as one JSON object if `json` is
-/// true. Returns one sentence for each fault of any image in `folder`; if `default_images` is true,
-/// leaves out all images but the default ones.
+/// Prints the flash and RAM of every board's first image as a table, or as one JSON object if
+/// `json` is true. Returns one sentence for each fault of any image in `folder`. If
+/// `default_images` is true, prints and checks only the default images.
 fn budget(folder: &Path, json: bool, default_images: bool) -> Result<Vec<String>, String> {
     let (mut boards, mut faults) = (Vec::new(), Vec::new());
     let wanted = |limits: &&Limits| limits.is_default || !default_images;
@@ -151,7 +151,7 @@ fn measure(limits: &Limits, segments: &[Segment], regions: &[Region]) -> (Vec<Ro
 }
 
 /// Returns the number of bytes from a region's start to the end of the last segment in the region.
-/// A segment counts at both of its addresses: in flash, and while the program runs.
+/// A segment counts both at its address in flash and at its address while the program runs.
 fn used(region: &Region, segments: &[Segment]) -> u64 {
     let flashed = segments.iter().map(|one| (one.load_address, one.file_size));
     let running = segments.iter().map(|one| (one.address, one.memory_size));

@@ -72,9 +72,10 @@ fn start(number: u32) -> Order {
 /// overrun marks the sample.
 type Queued = (Option<u32>, u64, bool);
 
-/// Runs an acquisition task through `acts`: an optional order, then a number of samples. After the
-/// act with an index for which `is_read(index)` is true, empties the queue; otherwise the samples
-/// stay queued. Returns, for each act, the samples taken from the queue after it.
+/// Runs an acquisition task through `acts`; each act is an optional order, then a number of
+/// samples. After the act with an index for which `is_read(index)` is true, empties the queue;
+/// otherwise the samples stay queued. Returns, for each act, the samples taken from the queue after
+/// the act.
 fn handed_over(
     shared: &Shared,
     converter: Counted<'_>,

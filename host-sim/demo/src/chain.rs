@@ -18,8 +18,8 @@ use crate::run::{Received, Run};
 const CODE_RATE_HZ: u64 = model::STEP_RATE_HZ as u64 / model::HOP as u64;
 /// Time limit for the next code while the board runs: 80 times the normal 62.5 ms.
 const SILENCE: Duration = Duration::from_secs(5);
-/// Time limit for the bridge to announce its topics and for the first code to arrive, enough on a
-/// busy machine.
+/// Time limit for the bridge to announce its topics and for the first code to arrive; long enough
+/// for a busy machine.
 const START: Duration = Duration::from_secs(20);
 /// After the board has ended, the run ends if no further code arrives for this time.
 const STRAGGLERS: Duration = Duration::from_millis(700);
@@ -30,7 +30,7 @@ const QUEUE: usize = 64;
 /// received.
 ///
 /// # Errors
-/// One of the programs does not start, ends early or stays silent.
+/// One of the programs does not start, ends early or does not respond in time.
 pub(crate) async fn run(
     seconds: u32,
     seed: u64,

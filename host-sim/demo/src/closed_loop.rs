@@ -50,7 +50,8 @@ pub struct Trial {
     /// Number of the hop, from 1, with which the trial ends.
     hop: usize,
     /// Index of the class that was decided at the end of the trial. `None` if nothing was decided:
-    /// the filters had not settled, the signals were not usable, or the recording ended before.
+    /// the filters had not settled, the signals were not usable, or the recording ended before the
+    /// trial did.
     pub decision: Option<usize>,
 }
 
@@ -77,7 +78,8 @@ pub struct Outcome {
 /// `pictures`, unless that is `None`.
 ///
 /// # Errors
-/// A file cannot be used or written, or a program does not start, fails or stays silent.
+/// A file cannot be used or written, or a program does not start, fails or does not respond in
+/// time.
 pub fn run(
     options: &Options,
     programs: &Path,

@@ -29,7 +29,8 @@ use crate::comparison::Comparison;
 /// Runs the whole signal path, draws the pictures and prints the summary.
 ///
 /// # Errors
-/// A program does not start or stays silent, a code is lost, or a file cannot be written.
+/// A program does not start or does not respond in time, a code is lost, or a file cannot be
+/// written.
 pub fn demo(seconds: u32, seed: u64, programs: &Path) -> Result<(), Failure> {
     if !model::HAS_NETWORK {
         let why = "the built-in model has the packed code alone, and the demo shows codes";

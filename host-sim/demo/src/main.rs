@@ -1,4 +1,5 @@
-//! The program of `cargo demo` and `cargo loop`, which build all programs that it starts.
+//! The program of `cargo demo` and `cargo loop`. These commands first build all programs that this
+//! program starts.
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
@@ -14,7 +15,7 @@ fn main() -> ExitCode {
     let words: Vec<OsString> = std::env::args_os().skip(1).collect();
     let program = std::env::current_exe().unwrap_or_default();
     let programs = program.parent().unwrap_or(Path::new("."));
-    // An argument that is not UTF-8, which only a path may be, becomes an empty text here.
+    // Arguments that are not UTF-8 become empty texts here. Only a path may be such an argument.
     let texts: Vec<&str> = words.iter().map(|word| word.to_str().unwrap_or_default()).collect();
     let ended = match &texts[..] {
         ["loop", mains @ ("50" | "60"), seed, pace @ ("realtime" | "fast"), own @ ..]

@@ -1,4 +1,5 @@
-//! Draws the progress bar of the demo, with the counts.
+//! Draws the progress bar of the demo, with the newest sequence number and the number of lost
+//! codes.
 
 use indicatif::{ProgressBar, ProgressStyle};
 

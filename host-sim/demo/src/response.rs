@@ -115,8 +115,8 @@ fn marks([low, high]: [f64; 2]) -> [Series; 2] {
 /// and even the worst input within full scale drives no value beyond 6.8 times full scale
 /// (signal/model/manifest.txt). A single impulse, even of twice full scale, drives them far less.
 const IMPULSE: i32 = 1 << 29;
-/// Length of the recorded response, s. The slowest poles decay at 0.96 / s, so after 10 s they have
-/// decayed by about e^-10. Later values are mostly rounding errors.
+/// Length of the recorded response, s. The slowest poles decay at 0.96 / s, so after 10 s their
+/// response has decayed to about e^-10. Later values are mostly rounding errors.
 const SECONDS: usize = 10;
 
 /// Response of a filter to a unit impulse, at the ADC's rate.

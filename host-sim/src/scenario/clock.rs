@@ -9,7 +9,7 @@ const SAMPLE_US: f64 = 1e6 / model::ADC_RATE_HZ as f64;
 #[derive(Clone, Debug)]
 pub(super) struct BoardClock {
     table: ClockTable,
-    /// Host time of the newest sample, microseconds since the start.
+    /// Host time of the newest sample, microseconds since the start of the scenario.
     pub(super) host_us: f64,
     /// Time of that sample by the board's clock, microseconds since boot.
     device_us: f64,

@@ -80,7 +80,8 @@ pub(super) struct ClockTable {
     pub(super) changes: Vec<ClockChange>,
 }
 
-/// A change of the clock's rate by `ppm`, which takes `for_s` seconds.
+/// A change of the clock's rate by `ppm`. The rate changes gradually for `for_s` seconds, from
+/// `at_s` on, and then stays constant.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ClockChange {
@@ -135,7 +136,8 @@ impl LineTable {
         let of_kind = match self.kind {
             // 10 bits for each byte: start bit, eight bits, stop bit.
             LineKind::Uart => 92_160.0,
-            // Half of what bulk transfers at full speed can carry: other devices share the bus.
+            // Half of what bulk transfers at full speed can carry, because other devices share the
+            // bus.
             LineKind::Usb | LineKind::Tcp => 600_000.0,
         };
         self.bytes_per_s.unwrap_or(of_kind) / 1e6
@@ -152,7 +154,7 @@ pub(super) struct Noise {
     pub(super) frames_dropped: f64,
     #[serde(deserialize_with = "rate")]
     pub(super) frames_duplicated: f64,
-    /// For chunks of up to 64 bytes, the size of a USB packet at full speed.
+    /// Probabilities per chunk. A chunk has up to 64 bytes, the size of a USB packet at full speed.
     #[serde(deserialize_with = "rate")]
     pub(super) chunks_dropped: f64,
     #[serde(deserialize_with = "rate")]
@@ -176,7 +178,7 @@ impl Default for Noise {
 }
 
 impl Noise {
-    /// Returns the name and the rate of each fault.
+    /// Returns the name and the probability of each kind of random fault.
     pub(super) fn rates(&self) -> [(&'static str, f64); 5] {
         [
             ("bit_errors", self.bit_errors),
@@ -192,7 +194,7 @@ impl Noise {
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct HostTable {
-    /// Interval at which the host reads, milliseconds; 0 reads at each arrival.
+    /// Interval at which the host reads, milliseconds; with 0, it reads whenever bytes arrive.
     #[serde(deserialize_with = "not_negative")]
     pub(super) poll_ms: f64,
     /// Capacity of the receive buffer in the host's driver, bytes.
@@ -260,7 +262,8 @@ pub(super) struct ScheduledFault {
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Limits {
-    /// Errors of time stamps and of events, less the line's shortest delay, milliseconds.
+    /// Limits for the errors of time stamps and of events, milliseconds. The line's shortest delay
+    /// is subtracted from each error.
     #[serde(deserialize_with = "not_negative")]
     pub(super) stamp_p99_ms: f64,
     #[serde(deserialize_with = "not_negative")]
@@ -273,14 +276,16 @@ pub(super) struct Limits {
     pub(super) settle_s: f64,
     #[serde(deserialize_with = "not_negative")]
     pub(super) unsettled_max_ms: f64,
-    /// Largest error of the time that the fillers of an interruption represent, milliseconds.
+    /// Largest allowed error of the time that the fillers of an interruption represent,
+    /// milliseconds.
     #[serde(deserialize_with = "not_negative")]
     pub(super) gap_error_ms: f64,
-    /// Largest fraction of fillers, rows in place of missing ones, among all rows of a topic.
+    /// Largest allowed fraction of fillers among all rows of a topic. A filler replaces a missing
+    /// row.
     #[serde(deserialize_with = "not_negative")]
     pub(super) fillers: f64,
     pub(super) lost_events: u64,
-    /// Longest time from the end of a fault to the next row that is not a filler, seconds.
+    /// Longest allowed time from the end of a fault to the next row that is not a filler, seconds.
     #[serde(deserialize_with = "not_negative")]
     pub(super) recovery_s: f64,
 }
@@ -315,7 +320,7 @@ pub enum ScenarioError {
     Contradiction {
         /// The file.
         path: PathBuf,
-        /// Number of the line, from 1.
+        /// Line number in the scenario file; the first line is 1.
         line: usize,
         /// The contradiction, and how to remove it.
         what: String,

@@ -8,7 +8,7 @@ use neuro_ros::{DiagnosticArray, NeuroEvent, NeuroFrame, Stamp};
 use super::topic::Topic;
 use super::truth::{Content, Made, TopicKind, Values};
 
-/// Flag of fillers, rows in place of missing ones: bit 15 of a row's first status word.
+/// Flag of a filler, a row that replaces a missing one: bit 15 of the row's first status word.
 const FILLER: u16 = 1 << 15;
 
 /// Error of a time stamp, before the line's shortest delay is subtracted.
@@ -20,8 +20,8 @@ pub(super) struct StampError {
     pub(super) is_event: bool,
 }
 
-/// Record of everything published so far. As the core's [`Effects`], stores commands until the
-/// rehearsal sends them.
+/// Record of everything published so far. It is also the core's [`Effects`]: it stores the core's
+/// commands until the rehearsal sends them.
 #[derive(Debug)]
 pub(super) struct Ledger {
     pub(super) topics: [Topic; 4],
@@ -32,19 +32,20 @@ pub(super) struct Ledger {
     now: HostTime,
     /// Wall clock at host time 0 plus the sum of its steps so far, nanoseconds.
     wall_ns: i64,
-    /// Host time from which on time stamps count as settled, microseconds.
+    /// Host time from which time stamps count as settled, microseconds.
     settled_us: f64,
     settle_us: f64,
     /// Newest stamp of each topic, nanoseconds.
     stamps: [i64; 4],
     pub(super) errors: Vec<StampError>,
-    /// Shortest time from the newest sample of a frame to the host's reading of it, microseconds.
+    /// Shortest time from the newest sample of a frame until the host reads the frame,
+    /// microseconds.
     pub(super) shortest_us: f64,
     pub(super) edges: u64,
     pub(super) wrong_edges: u64,
     /// Ends of the faults after which no row has been published yet, microseconds.
     recovering: Vec<f64>,
-    /// Longest recovery: duration, and end of the fault, microseconds.
+    /// Longest recovery: its duration, and the time at which the fault ended, microseconds.
     pub(super) longest_recovery: (f64, f64),
     pub(super) diagnostics: DiagnosticArray,
 }
@@ -70,7 +71,7 @@ impl Ledger {
         }
     }
 
-    /// Returns the host's clocks at the host time `us`.
+    /// Returns the readings of the host's clocks at the host time `us`, microseconds.
     #[expect(clippy::cast_possible_truncation, reason = "below 2^63 us")]
     pub(super) fn host_time(&self, us: f64) -> HostTime {
         HostTime { monotonic_us: us as i64, wall_ns: self.wall_ns + (us * 1e3) as i64 }
@@ -80,7 +81,7 @@ impl Ledger {
     pub(super) fn step_wall_clock(&mut self, step_s: f64, now_us: f64) {
         self.wall_ns = self.wall_ns.saturating_add((step_s * 1e9) as i64);
         if step_s < -30.0 {
-            // Stamps may go back with the wall clock if it steps back by more than 30 s.
+            // Stamps may decrease if the wall clock steps back by more than 30 s.
             self.stamps = [i64::MIN; 4];
         }
         self.unsettle(now_us);
@@ -106,7 +107,8 @@ impl Ledger {
         number.unwrap_or_default()
     }
 
-    /// Returns a sentence about a fault after which no row was published, if there is one.
+    /// Returns a sentence about the oldest fault after which no row was published; `None` if rows
+    /// were published after every fault.
     pub(super) fn not_recovered(&self) -> Option<String> {
         let end_s = self.recovering.first()? / 1e6;
         Some(format!("nothing was published after the fault that ended at {end_s:.3} s"))
@@ -235,7 +237,8 @@ impl Effects for Ledger {
             Some(at_us) => self.record_stamp(event.header.stamp, at_us, true),
             None => self.wrong_edges += 1,
         }
-        // A second event from the same frame would be wrong: an edge is published once.
+        // Clear the frame: an edge is published once, so a second event from the same frame is an
+        // error.
         self.frame = None;
     }
 }

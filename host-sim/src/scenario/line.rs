@@ -7,7 +7,7 @@ use super::file::{LineKind, Noise, Scenario};
 use crate::outbox::{Outbox, WhenFull};
 use crate::synthetic::Noise as Random;
 
-/// Size of a chunk, bytes: a packet of USB at full speed.
+/// Size of a chunk, bytes; equal to the size of a USB packet at full speed.
 const CHUNK: usize = 64;
 
 /// Random faults of one direction.
@@ -124,15 +124,16 @@ pub(super) struct Line {
     /// measured in host time, which begins at `start`.
     queue: Outbox,
     start: Instant,
-    /// Host time from which on the line can carry the next frame, microseconds.
+    /// Host time at which the line becomes free for the next frame, microseconds.
     free_us: f64,
-    /// Number of bytes of the next frame after which the board loses its power; 0 afterwards.
+    /// Number of bytes of the next frame after which the board loses its power; 0 after the loss of
+    /// power.
     cut: Option<usize>,
     /// Bytes that were sent and not read, and the host time of their arrival, microseconds.
     sent: VecDeque<(f64, Vec<u8>)>,
     sent_bytes: usize,
     pub(super) dropped_by_board: u64,
-    /// Number of frames lost because the host's buffer was full or the cable unplugged.
+    /// Number of frames lost because the host's buffer was full or the cable was unplugged.
     pub(super) unreceived: u64,
 }
 
@@ -175,7 +176,7 @@ impl Line {
         let waits = self.kind != LineKind::Uart;
         while self.free_us <= now_us && self.cut != Some(0) {
             if waits && (!self.is_up || self.sent_bytes >= self.buffer_bytes) {
-                // The next frame starts when there is room again.
+                // The next frame starts when the line is up and the host's buffer has room again.
                 self.free_us = now_us;
                 return;
             }
@@ -204,7 +205,8 @@ impl Line {
         }
     }
 
-    /// Returns the host time at which the next unread bytes arrive, microseconds.
+    /// Returns the host time at which the next unread bytes arrive, microseconds; infinite if there
+    /// are none.
     pub(super) fn next_arrival_us(&self) -> f64 {
         self.sent.front().map_or(f64::INFINITY, |(us, _)| *us)
     }
@@ -232,7 +234,8 @@ impl Line {
         self.cut = Some(bytes);
     }
 
-    /// Returns the host time at which the board lost its power in the middle of a frame, if it has.
+    /// Returns the host time at which the board lost its power in the middle of a frame; `None` if
+    /// it has not lost its power.
     pub(super) fn cut_us(&self) -> Option<f64> {
         (self.cut == Some(0)).then_some(self.free_us)
     }
@@ -291,7 +294,7 @@ impl CommandLine {
         self.sent.pop_front().map(|(_, bytes)| bytes).unwrap_or_default()
     }
 
-    /// Discards the commands on the way.
+    /// Discards the commands that are on their way to the board.
     pub(super) fn lose(&mut self) {
         self.sent.clear();
     }

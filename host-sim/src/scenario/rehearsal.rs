@@ -28,8 +28,8 @@ const HANDLE_US: f64 = 500.0;
 /// Wall clock at the start, nanoseconds since 1970.
 const WALL_START_NS: i64 = 1_700_000_000_000_000_000;
 
-/// Length of the final phase, microseconds: the line has no random faults, and the board must
-/// confirm that it has stopped.
+/// Length of the final phase, microseconds. In this phase the line has no random faults, and the
+/// board must confirm that it has stopped.
 const STOP_US: f64 = 3e6;
 
 /// Shortest time for which a board that restarts sends nothing, microseconds.
@@ -47,8 +47,8 @@ pub enum RehearsalError {
     /// The built-in model cannot be decoded.
     #[error("the built-in model cannot be decoded: {0}")]
     Model(String),
-    /// The model has no network for codes, or a converter at double rate makes raw samples that
-    /// cannot be compared.
+    /// The model has no network for codes, or the scenario streams raw samples although a converter
+    /// runs at double rate, in which case they cannot be compared.
     #[error("{0}")]
     Streams(&'static str),
 }
@@ -70,7 +70,7 @@ enum Next {
 /// Rehearses a scenario. Calls `on_second` after each second.
 ///
 /// # Errors
-/// [`RehearsalError`] if the scenario cannot run. The [`Report`] says whether it has passed.
+/// [`RehearsalError`] if the scenario cannot run. The [`Report`] states whether it has passed.
 pub fn rehearse(
     scenario: &Scenario,
     mut on_second: impl FnMut(),
@@ -107,22 +107,24 @@ struct Rehearsal<'s> {
     boot_us: f64,
     is_powered: bool,
     restart: ResetCause,
-    /// The brown-out due in the next frame: index of its fault, and microseconds without power.
+    /// The brown-out that occurs during the next frame: index of its fault, and microseconds
+    /// without power.
     brown_out: (usize, f64),
     loses_acks: bool,
-    /// Number of acknowledgements lost, and of commands received, when a fault that counts them
-    /// last began or ended.
+    /// Values of the counters of lost acknowledgements and of received commands when the latest
+    /// fault that reads the counter began or ended.
     lost_before: u64,
     commands_before: u32,
     is_unplugged: bool,
-    /// Commands of another program: host time of the next one, and interval, microseconds.
+    /// Commands of another program: host time of the next command, and interval between commands,
+    /// microseconds.
     other_us: f64,
     other_every_us: f64,
     other: Encoder,
     core: Box<Core>,
     ledger: Ledger,
     is_open: bool,
-    /// Whether the port that is open has been unplugged.
+    /// Whether the open port has been unplugged.
     has_hung_up: bool,
     /// Whether the port is present under the name that the bridge looks for.
     is_findable: bool,
@@ -185,7 +187,7 @@ impl<'s> Rehearsal<'s> {
             is_unplugged: false,
             other_us: f64::INFINITY,
             other_every_us: f64::INFINITY,
-            // Begins far from the frame numbers of the bridge's own commands.
+            // These frame numbers start far from those of the bridge's own commands.
             other: Encoder::starting_at(1 << 31),
             core: Box::new(Core::new(settings, Some(Arc::new(model)))),
             ledger: Ledger::new(WALL_START_NS, scenario.limits.settle_s),

@@ -1,4 +1,4 @@
-//! Result of a rehearsal, as one line and as figures.
+//! Result of a rehearsal: its values, and a verdict of one line.
 
 use std::fmt;
 
@@ -20,15 +20,16 @@ pub(super) struct Facts {
     pub(super) repeated: u64,
     pub(super) damaged: u64,
     pub(super) dropped_by_board: u64,
-    /// Frames sent while the cable was unplugged or the host's buffer full.
+    /// Frames sent while the cable was unplugged or the host's buffer was full.
     pub(super) unreceived: u64,
-    /// Number of each of the line's faults, in the order of
+    /// Number of occurrences of each of the line's random faults, in the order of
     /// [`Noise::rates`](super::file::Noise::rates).
     pub(super) line: [u64; 5],
     pub(super) acks_lost: u64,
     pub(super) restarts: u64,
     pub(super) is_stopped: bool,
-    /// Whether a code, block or sample was flagged for a fault of the converters, or for a rail.
+    /// Whether any code, block or sample had the flag for a fault of the converters, and whether
+    /// any had the flag for a rail.
     pub(super) converters_seen: bool,
     pub(super) rails_seen: bool,
 }
@@ -38,7 +39,7 @@ pub(super) struct Facts {
 pub struct Report {
     /// Name of the scenario.
     pub name: String,
-    /// Duration, seconds of the host's time.
+    /// Duration of the scenario, seconds of host time.
     pub seconds: f64,
     /// Limits that were exceeded, and counts that do not agree; empty if the scenario has passed.
     pub failures: Vec<String>,
@@ -71,7 +72,7 @@ pub struct Report {
     pub frames_arrived: u64,
     /// Damaged stretches that arrived.
     pub frames_damaged: u64,
-    /// Frames that the board dropped because the line did not carry them.
+    /// Frames that the board dropped because the line carried them too slowly or not at all.
     pub frames_dropped_by_board: u64,
     /// Restarts of the board.
     pub restarts: u64,
@@ -86,7 +87,8 @@ struct Errors {
 }
 
 impl Errors {
-    /// Returns the figures of the errors that `is_one` selects, less the line's shortest delay.
+    /// Returns the 99th percentile, the maximum and its time for the errors that `is_one` selects.
+    /// The line's shortest delay is subtracted from each error.
     fn of(ledger: &Ledger, is_one: impl Fn(&StampError) -> bool) -> Self {
         let errors = ledger.errors.iter().filter(|error| is_one(error));
         let size_us = |error: &StampError| (error.error_us - ledger.shortest_us).abs();
@@ -204,7 +206,7 @@ fn unrehearsed(scenario: &Scenario, schedule: &Schedule, facts: &Facts) -> Vec<S
     all.map(|what| format!("{what} {remedy}")).collect()
 }
 
-/// Returns a sentence for each count of the core that differs from what happened.
+/// Compares the core's counts with what happened. Returns a sentence for each count that is wrong.
 fn unequal(
     summary: &Summary,
     ledger: &Ledger,
@@ -254,7 +256,8 @@ fn unequal(
             let shown = ledger.shown(status, key);
             compare(&format!("{name} {key} on /diagnostics"), shown, happened);
         }
-        // The report that a board sends when it stops states only the number of codes.
+        // When a board stops, it reports how many codes it has made, so the host must have counted
+        // all codes of the last run. The board reports no such number for other rows.
         if name == "codes" {
             compare("codes made at the end and not counted", topic.unknown()[1], 0);
         }

@@ -8,7 +8,7 @@ pub(super) struct Change {
     /// Host time, microseconds.
     pub(super) at_us: f64,
     pub(super) begins: bool,
-    /// Index of the fault in the file, and of its occurrence.
+    /// Index of the fault in the file, and index of this occurrence of the fault.
     pub(super) fault: usize,
     pub(super) occurrence: usize,
 }

@@ -33,7 +33,7 @@ pub enum SignalError {
     /// The recording is shorter than the scenario.
     #[error("the recording ends before the scenario; lower duration_s, or write no recording")]
     TooShort,
-    /// The synthetic EEG cannot have the model's electrodes.
+    /// The generator of synthetic EEG refuses the model's electrodes.
     #[error(transparent)]
     Synthetic(#[from] SyntheticError),
 }

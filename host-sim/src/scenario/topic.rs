@@ -51,14 +51,15 @@ pub(super) struct Topic {
     known: Vec<u64>,
     /// Rows that have arrived and can be published, oldest first.
     arrived: VecDeque<Row>,
-    /// The newest row that was published, without fillers.
+    /// The newest published row that is not a filler.
     newest: Option<Row>,
     /// Number of fillers since `newest`.
     fillers_since: u64,
     published: u64,
     fillers: u64,
     wrong: u64,
-    /// Rows published in all interruptions, minus the rows that the same time would contain.
+    /// Sum over all interruptions so far: number of rows published, fillers included, minus the
+    /// number of row periods that the interruption lasted.
     gap_error: f64,
     pub(super) worst_gap_us: f64,
     /// First error that was found.

@@ -85,7 +85,7 @@ pub(super) enum Content {
 /// Meaning of the bytes that the host has received between two zeros.
 #[derive(Clone, Debug)]
 pub(super) enum Segment {
-    /// A frame of the board, unchanged, for the first time.
+    /// An unchanged frame of the board that has arrived for the first time.
     Frame(Rc<Made>),
     /// The previous frame once more.
     Again,
@@ -107,7 +107,7 @@ pub(super) struct Truth {
     /// Frames not yet received by the host, oldest first, and the newest received frame.
     waiting: VecDeque<Rc<Made>>,
     newest: Option<Rc<Made>>,
-    /// Numbers of frames and of edges made.
+    /// Numbers of frames and of trigger edges that the board has made.
     pub(super) frames: u64,
     pub(super) edges: u64,
     /// Union of the flags of all codes, blocks, samples and steps.
@@ -134,9 +134,10 @@ impl Truth {
         self.sample_count = 0;
     }
 
-    /// Returns the [`Place`] of the row with index `index` in its run. The row's stamp refers to
-    /// the sample that was converted `before_us` microseconds of the converters' clock before the
-    /// host time `at_us`; unless the row is raw, to a time that is earlier by the filters' delay.
+    /// Returns the [`Place`] of the row with index `index` in its run. The stamp of a raw row
+    /// refers to the sample that was converted `before_us` microseconds of the converters' clock
+    /// before the host time `at_us`. The stamp of any other row refers to a time that is earlier by
+    /// the filters' delay.
     fn place(
         &mut self,
         kind: TopicKind,
@@ -188,7 +189,7 @@ impl Truth {
                 let kind = TopicKind::Encoded;
                 let before_us = time_us(model::STEPS - 1, STEP_US);
                 let place = self.place(kind, code.window.into(), at_us, before_us, rate);
-                // docs/wire-format.md: z = (level - zero point) * scale.
+                // `docs/wire-format.md` defines z = (level - zero point) * scale.
                 let levels = code.values.levels().zip(&self.scales);
                 #[expect(clippy::cast_precision_loss, reason = "at most 17 bits")]
                 let z =

@@ -103,7 +103,7 @@ mod tests {
         let before = Instant::now();
         (0..100).for_each(|_| _ = clock.next_drdy_us());
         clock.wait_for_next();
-        // Sample 100 is due after 100 ms of device time, which take 50 ms.
+        // Sample 100 is due after 100 ms of device time, which pass in 50 ms of wall-clock time.
         assert!(clock.now_us() >= 100_000);
         assert!(clock.now_us() >= micros(before.elapsed()));
         assert!(before.elapsed() >= Duration::from_millis(49));

@@ -43,7 +43,8 @@ struct PackedBlock<'a> {
     bytes: &'a [u8],
 }
 
-/// Fields of an `Exclusion`, with labels in place of bits: many JSON parsers keep only 53 bits.
+/// Fields of an `Exclusion`, with labels in place of bits, because many JSON parsers store integers
+/// in only 53 bits.
 #[derive(Serialize)]
 struct ExcludedElectrodes<'a> {
     first_step: u64,

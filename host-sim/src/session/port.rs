@@ -210,7 +210,7 @@ impl Port {
     }
 
     /// Waits until the thread that writes a file has ended; the outbox must be drained and closed
-    /// before. Returns false if the thread has panicked.
+    /// first. Returns false if the thread has panicked.
     pub fn join_writer(&mut self) -> bool {
         let writer = self.writer.take();
         writer.is_none_or(|writer| writer.join().is_ok())

@@ -64,9 +64,9 @@ impl RecordedEdges {
         self.edges.len().div_ceil(2)
     }
 
-    /// Removes and returns the next edge if it is not after the sample at `signal_us`, microseconds
-    /// of the signal, rounded down. An edge at the sample itself can be a microsecond later,
-    /// because its time is rounded to the nearest microsecond.
+    /// Removes and returns the next edge if it is not after the sample at `signal_us`, the sample's
+    /// time in the signal in microseconds, rounded down. Edge times are rounded to the nearest
+    /// microsecond, so an edge at the sample itself can be a microsecond later.
     pub(crate) fn take_due(&mut self, signal_us: u64) -> Option<DueEdge> {
         let (at_us, kind) = self.edges.pop_front_if(|(at_us, _)| *at_us <= signal_us + 1)?;
         Some(DueEdge { kind, early_us: signal_us.saturating_sub(at_us) })

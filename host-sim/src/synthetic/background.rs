@@ -50,7 +50,8 @@ pub(super) struct Background {
     sources: Vec<Source>,
 }
 
-/// A dipole or the reference. Its noise is independent of the noise of all other sources.
+/// A source of noise: a dipole, or the reference electrodes. Its noise is independent of the noise
+/// of all other sources.
 #[derive(Debug, Clone)]
 struct Source {
     activity: LowPassNoise,

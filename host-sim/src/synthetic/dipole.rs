@@ -17,7 +17,7 @@ pub(super) struct Dipole {
     /// Distance from the centre of the head, in radii of the scalp: above 0, and below the radius
     /// of the brain.
     pub(super) eccentricity: f64,
-    /// Direction of the dipole from the centre of the head, of length 1.
+    /// Unit vector from the centre of the head towards the dipole.
     pub(super) direction: Position,
     /// Dipole moment, without a unit: `Scalp` scales the potentials, so only ratios of moments
     /// matter.

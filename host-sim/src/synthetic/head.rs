@@ -36,8 +36,8 @@ pub(super) struct Head {
 }
 
 impl Head {
-    /// Creates a head with these conductivities of brain, skull and scalp, which are divided by the
-    /// brain's.
+    /// Creates a head. `conductivities` holds the conductivities of brain, skull and scalp, each
+    /// divided by the brain's.
     pub(super) fn new(conductivities: [f64; 3]) -> Self {
         let [brain, skull, scalp] = conductivities;
         let mut powers = RADII;
@@ -121,7 +121,7 @@ mod tests {
             for label in ELECTRODES {
                 let at = Position::from_label(label).expect("an electrode");
                 let (series, closed) = (head.potential(&dipole, at), one_sphere(&dipole, at));
-                // The series omits its terms of high order. Largest error measured: 2e-7, at
+                // The series is truncated after `TERMS` terms. Largest measured error: 2e-7, at
                 // eccentricity 0.74.
                 assert!((series - closed).abs() < 1e-6, "{label}: {series} {closed}");
             }
@@ -148,8 +148,8 @@ mod tests {
             for (label, expected) in ELECTRODES.into_iter().zip(expected) {
                 let at = Position::from_label(label).expect("an electrode");
                 let found = unit_uv * head.potential(&dipole, at);
-                // MNE replaces the series by three dipoles (Berg and Scherg 1994). Largest measured
-                // difference: 0.0013 uV.
+                // MNE approximates the series of the potential by three dipoles (Berg and Scherg
+                // 1994). Largest measured difference: 0.0013 uV.
                 assert!(
                     (found - expected).abs() < 0.002,
                     "{place:?} at {label}: {found}, MNE {expected}"

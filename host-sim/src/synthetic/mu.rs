@@ -1,13 +1,14 @@
 //! Sensorimotor rhythm: 11 Hz, and its harmonic at 22 Hz, from the hand area of either hemisphere.
-//! It weakens opposite a hand that moves or is imagined to move (Pfurtscheller and Lopes da Silva
-//! 1999).
+//! It weakens in the hemisphere opposite a hand that moves or is imagined to move (Pfurtscheller
+//! and Lopes da Silva 1999).
 
 use super::dipole::Dipole;
 use super::noise::{Noise, pole};
 use super::phasor::Phasor;
 use super::scalp::Scalp;
 
-/// Centre frequencies of the rhythm, Hz, and the share of the amplitude that each has.
+/// Centre frequency of each of the rhythm's two components, Hz, and the component's share of the
+/// amplitude.
 const RHYTHMS: [(f64, f64); 2] = [(11.0, 0.9), (22.0, 0.43)];
 /// Half of the bandwidth of either frequency, Hz.
 const HALF_WIDTH: f64 = 1.0;
@@ -24,9 +25,9 @@ const ENVELOPE: f64 = 0.6;
 /// A hand that moves, or is imagined to move.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Hand {
-    /// Weakens the rhythm of the right hemisphere.
+    /// The left hand. Its movement weakens the rhythm of the right hemisphere.
     Left,
-    /// Weakens the rhythm of the left hemisphere.
+    /// The right hand. Its movement weakens the rhythm of the left hemisphere.
     Right,
 }
 

@@ -12,7 +12,8 @@ pub(crate) struct Noise {
 }
 
 impl Noise {
-    /// Creates random stream number `stream` of `seed`, which is independent of its other streams.
+    /// Creates the random stream with the number `stream`. The streams of one `seed` are
+    /// independent of each other.
     pub(crate) fn new(seed: u64, stream: u64) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         random.set_stream(stream);
@@ -93,7 +94,8 @@ impl SmoothNoise {
         let square = pole(corner, rate) * pole(corner, rate);
         Self {
             input: LowPassNoise::new(corner, rate, noise),
-            // The variance of y is drive^2 (1 + pole^2) / (1 - pole^2)^2.
+            // The variance of `y` is drive^2 (1 + pole^2) / (1 - pole^2)^2; this `drive` makes it
+            // 1.
             drive: (1.0 - square) / (1.0 + square).sqrt(),
             value: noise.normal(),
         }

@@ -58,8 +58,8 @@ impl Scalp {
     }
 
     /// Returns the total power that independent dipoles of RMS 1 cause at each electrode in
-    /// `labels`, which are separated by blanks. A scale that is computed from these powers does not
-    /// depend on the spec's electrodes.
+    /// `labels`, a list separated by blanks. The spec's electrodes have no influence on these
+    /// powers.
     pub(super) fn powers_at(&self, dipoles: &[Dipole], labels: &str) -> Vec<f64> {
         let places = labels.split(' ').filter_map(Position::from_label);
         let mut powers: Vec<(Position, f64)> = places.map(|place| (place, 0.0)).collect();

@@ -69,8 +69,9 @@ fn a_clipped_value_in_two_windows_is_counted_once() {
 /// Two electrodes and a channel without an electrode are at the rail for one sample.
 #[test]
 fn a_code_names_the_channels_at_the_rail_and_substitutes_the_electrodes_among_them() {
-    // For each code: whether channels are at the rail, which, and whether electrodes are
-    // substituted. Electrodes stay substituted for 10 s, longer than this run.
+    // What the codes state in the windows that contain the sample, and in all later windows:
+    // whether channels are at the rail, which channels, and whether electrodes are substituted.
+    // Electrodes stay substituted for 10 s, longer than this run.
     for (automatic, at_rail, afterwards) in [
         (true, (true, 1 << 63, true), (false, 0, true)),
         (false, (true, 1 << 3 | 1 << 40 | 1 << 63, false), (false, 0, false)),
@@ -112,7 +113,7 @@ fn no_electrode_of_synthetic_eeg_is_substituted() {
         let spec = SyntheticSpec::new(seed, model::LABELS.split(' '));
         let mut eeg = Generator::new(&spec).expect("a generator");
         let mut substituted = Vec::new();
-        // The filters settle for 10 s, in which no electrode is judged.
+        // The filters settle for 10 s, in which no electrode is evaluated.
         for _second in 0..40 {
             for counts in eeg.by_ref().take(model::ADC_RATE_HZ.into()) {
                 board.process_sample(&Sample { counts }, 0);

@@ -1,4 +1,5 @@
-//! Events of a recording are played as pulses of the trigger input, at their samples.
+//! Events of a recording are played as pulses of the trigger input, each at the sample of its
+//! event.
 
 use std::{fs, io::Read as _, path::Path};
 
@@ -30,7 +31,7 @@ fn played(input: &Path, more: &[&str]) -> Vec<(Event, u64)> {
     })
 }
 
-/// Returns the edges of pulses of 10 ms at these times, in milliseconds of the signal.
+/// Returns the edges of pulses of 10 ms that start at `starts_ms`, milliseconds of the signal.
 fn pulses(starts_ms: &[u64]) -> Vec<(Event, u64)> {
     let edges = starts_ms
         .iter()

@@ -90,7 +90,7 @@ fn a_fault_is_flagged_in_exactly_the_windows_that_contain_it() {
         (String::new(), none.clone(), none.clone(), 1024),
         // 1.0703125 s is the time of sample 548, at which the chip is repaired.
         (format!("dead@{AT}..1.0703125s:chip3"), FROM..FROM + 48, none.clone(), 1024),
-        // The driver misses three samples before it detects that DRDY is silent.
+        // The driver misses three samples before it detects that there are no DRDY edges.
         (format!("dead@{AT}:chip0"), FROM..1024 - 3, first.clone(), 1024 - 3),
         (format!("missed-drdy@{AT}:chip0"), none.clone(), first, 1024 - 1),
     ];
@@ -140,8 +140,8 @@ fn an_electrode_that_is_off_is_flagged_and_substituted() {
     assert_eq!(windows_with(&observed.codes, Flags::LEAD_OFF), windows_of(FROM..FROM + 48));
     assert_eq!(windows_with(&observed.codes, BAD), [0; 0]);
     // The lead-off current has no path through the electrode, so the input goes to the rail. The
-    // electrode is filled from the others until it has been good for 10 s, after the end of the
-    // run.
+    // electrode stays interpolated from the others until it has been good for 10 s, and the run
+    // ends before that.
     assert_eq!(windows_with(&observed.codes, Flags::SUBSTITUTED), windows_of(FROM..1024));
     assert_eq!(windows_with(&observed.codes, Flags::SATURATED), [0; 0]);
 }

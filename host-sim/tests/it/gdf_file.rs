@@ -5,7 +5,8 @@ use std::io::Write as _;
 use recordings::{FileToWrite, GdfWriter};
 use tempfile::NamedTempFile;
 
-/// Writes `rows` rows, whose microvolts `row` returns; `events` are pairs (row, type).
+/// Writes a GDF file of `rows` rows, whose microvolts `row` returns; `events` are pairs (row,
+/// type).
 pub(crate) fn gdf_file(
     rate_hz: u16,
     rows: u16,

@@ -1,4 +1,4 @@
-//! `host-sim inspect`: events at their samples, and the exit status for files that `run` refuses.
+//! `host-sim inspect`: the times of events, and the exit status for files that `run` refuses.
 
 use std::{fs, path::Path, process::Stdio};
 

@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 use crate::edf_file::EdfFile;
 use crate::program::{Finished, frames, program, wait};
 
-/// Runs the program at full speed and returns its standard output.
+/// Runs the program with `--fast` and returns its standard output.
 fn run_to_stdout(input: &Path, more: &[&str]) -> (Finished, Vec<u8>) {
     let stdout = tempfile::NamedTempFile::new().expect("a temporary file");
     let input = format!("--input={}", input.display());
@@ -35,7 +35,7 @@ fn of_topic<'a>(lines: &'a [Value], topic: &str) -> Vec<&'a Value> {
     lines.iter().filter(|line| line["topic"] == topic).collect()
 }
 
-/// Writes a recording of two seconds with an event at 0.25 s to `folder`.
+/// Writes to `folder` a recording of two seconds that has an event at 0.25 s.
 fn recording(folder: &Path) -> std::path::PathBuf {
     let mut file = EdfFile::with_all_electrodes(2);
     file.annotations = vec![b"+0\x14\x14\0+0.25\x14Left\x14\0", b"+1\x14\x14\0"];

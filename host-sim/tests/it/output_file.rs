@@ -38,8 +38,8 @@ fn the_input_is_never_overwritten_and_another_file_only_with_force() {
     assert!(read("new").len() > 1000 && read("out") == read("new"));
 }
 
-/// Starts an endless run into `path`, sends `signal` to the process after it has written some
-/// frames, and waits until it exits.
+/// Starts an endless run that writes to `path`, sends `signal` to the process after it has written
+/// some frames, and waits until it exits.
 fn interrupt(path: &Path, signal: Signal) -> Finished {
     let output = format!("--output=file:{}", path.display());
     let child = program(&["run", "-q", "--input=synthetic", &output]);

@@ -50,7 +50,7 @@ pub(crate) fn send(port: &mut impl Write, number: u32, command: ToDevice<'_>) {
     sent.expect("the board's port is open");
 }
 
-/// Returns what `select` picks from frames, all of which must be whole.
+/// Decodes `bytes`, which must be whole frames, and returns what `select` picks from the messages.
 pub(crate) fn frames<T>(
     mut bytes: &[u8],
     mut select: impl FnMut(Frame<ToHost<'_>>) -> Option<T>,
@@ -79,7 +79,7 @@ pub(crate) fn program<A: AsRef<OsStr>>(arguments: &[A]) -> Command {
     command
 }
 
-/// Runs the program to its end.
+/// Runs the program with these arguments and waits until it ends.
 pub(crate) fn run<A: AsRef<OsStr>>(arguments: &[A]) -> Finished {
     wait(program(arguments).spawn().expect("the program starts"))
 }

@@ -176,7 +176,7 @@ fn a_board_without_a_reader_counts_its_codes_as_dropped_and_stops_on_request() {
     let start = Instant::now();
     let report = running.finish();
     assert!(start.elapsed() < TIMEOUT);
-    // All frames count as dropped, except about half a second of frames in the terminal.
+    // All frames count as dropped, except about half a second of frames that the terminal holds.
     let stats = report.stats;
     assert!(stats.frames_dropped > stats.codes_made / 2, "{report:?}");
     assert!(stats.codes_made < 200, "{report:?}");

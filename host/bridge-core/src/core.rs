@@ -40,11 +40,13 @@ impl Core {
     /// Time between two attempts to open a port. Several attempts fit into the 1 s within which a
     /// replugged device must be connected again.
     pub const REOPEN_AFTER: Duration = Duration::from_millis(250);
-    /// Silence after which a serial port is reopened. A board sends `Stats` every second and keeps
-    /// at most 4 s of frames, so after a longer silence either the board or its port has stopped.
+    /// Time without a frame after which a serial port is reopened. A board sends `Stats` every
+    /// second and stores at most 4 s of frames, so after a longer time either the board or its port
+    /// has stopped.
     pub const TTY_SILENCE_LIMIT: Duration = Duration::from_secs(5);
-    /// Silence after which a TCP port is reopened. TCP itself detects a broken connection earlier.
-    /// If a suspended device has an intact connection, reopening would lose the bytes in it.
+    /// Time without a frame after which a TCP connection is reopened. TCP itself detects a broken
+    /// connection earlier. If a suspended device has an intact connection, reopening would lose the
+    /// bytes in this connection.
     pub const TCP_SILENCE_LIMIT: Duration = Duration::from_mins(1);
 
     /// Creates a core without a connection. Without a model, no codes are decoded.
@@ -145,7 +147,7 @@ impl Core {
         self.session.commands.wants_stream()
     }
 
-    /// Returns whether the device streams, as its acknowledgements show.
+    /// Returns whether the device streams, according to its acknowledgements.
     pub fn is_streaming(&self) -> bool {
         self.session.commands.is_streaming()
     }
@@ -173,8 +175,8 @@ impl Core {
     }
 
     /// Converts the host time `now` to device time, microseconds, and to the wall-clock time that
-    /// stamps use, nanoseconds since 1970. The device time comes from the fit of the clocks: it is
-    /// `None` before the first frame, and late by as much as stamps are, see
+    /// stamps use, nanoseconds since 1970. The device time comes from the fit of the clocks, so it
+    /// is `None` before the first frame, and late by the same amount as stamps, see
     /// [`Clock`](crate::Clock).
     pub fn times_at(&mut self, now: HostTime) -> (Option<i64>, i64) {
         self.session.times_at(now)
@@ -230,8 +232,8 @@ impl Core {
         self.session.commands.is_stopped()
     }
 
-    /// Returns whether the connected device has sent nothing for longer than `limit`, although the
-    /// core pings it after 2 s of silence. The caller should then reopen the port.
+    /// Returns whether the connected device has sent no frame for longer than `limit`, although the
+    /// core pings it after 2 s without a frame. The caller should then reopen the port.
     pub fn is_unresponsive(&self, now: HostTime, limit: Duration) -> bool {
         let limit_us = i64::try_from(limit.as_micros()).unwrap_or(i64::MAX);
         let commands = &self.session.commands;
@@ -274,13 +276,13 @@ pub trait Effects {
     /// Queues a complete frame, whose bytes go to the device unchanged.
     fn send(&mut self, frame: &[u8]);
 
-    /// Notes what the stamps of the following frames and events mean. Stamps of frames are
-    /// `_offset_ns` nanoseconds larger than the host's monotonic time. Stamps of events are in
-    /// addition `_event_shift_us` microseconds later than the events. Called before each message of
-    /// the device is handled.
+    /// Reports how the stamps of the following frames and events relate to the host's time. Stamps
+    /// of frames are `_offset_ns` nanoseconds ahead of the host's monotonic time. Stamps of events
+    /// are in addition `_event_shift_us` microseconds behind the events. Called before each message
+    /// of the device is handled.
     fn note_stamps(&mut self, _offset_ns: i64, _event_shift_us: i64) {}
 
-    /// Notes a frame from the device, before the core handles it.
+    /// Called with every frame from the device, before the core handles the frame.
     fn received(&mut self, _frame: &Frame<ToHost>) {}
 
     /// Announces the device that sends the following codes. Called again when another compatible

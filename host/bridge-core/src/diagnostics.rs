@@ -8,8 +8,8 @@ use link::{ElectrodeQuality, Quality, StageTiming, Timing};
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
 /// Returns the status `timing`. The message names the processing stages that missed a deadline
-/// since the device's boot, and the stack if more than 3/4 of it was used. The values of the status
-/// are the times of all stages.
+/// since the device started, and the stack if more than 3/4 of it was used. The values of the
+/// status are the times of all stages.
 pub(crate) fn timing_status(timing: &Timing) -> DiagnosticStatus {
     let Timing { stages, stack_used, stack_size } = timing;
     let late = stages.iter().filter(|stage| is_late(stage));
@@ -163,7 +163,8 @@ impl LinkLog {
         self.lost = self.lost.saturating_add(within);
     }
 
-    /// Returns the next log message if one is due at `now_us`, and sets all counts to 0.
+    /// Returns the log message about a bad link if there are new losses or damaged frames and a
+    /// message is due at `now_us`. Then sets all counts but the total to 0.
     pub(crate) fn next_line(&mut self, now_us: i64) -> Option<String> {
         let is_over = |last_us| now_us - last_us >= PERIOD_US;
         let is_due = self.logged_us.is_none_or(is_over);

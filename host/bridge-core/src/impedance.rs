@@ -10,7 +10,7 @@ use crate::device::channel_label;
 
 /// Impedance below which a contact is good, in ohms: the usual limit for gel electrodes.
 const GOOD_OHMS: u32 = 5_000;
-/// Impedance from which a contact is bad, in ohms.
+/// Impedance at and above which a contact is bad, in ohms.
 const BAD_OHMS: u32 = 20_000;
 /// Impedance below which a measurement is implausible for an electrode on skin, in ohms.
 const IMPLAUSIBLE_OHMS: u32 = 100;

@@ -113,7 +113,7 @@ impl QueryError {
 }
 
 impl Query {
-    /// Creates the query for a request. Call [`Query::connected`] once the port is open.
+    /// Creates the query for a request. Call [`Query::connected`] after the port has been opened.
     pub fn new(request: Request) -> Query {
         Query {
             request,

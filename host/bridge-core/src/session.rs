@@ -90,7 +90,8 @@ pub(crate) struct Session {
     series_ohms: u32,
     /// Newest report of processing times; `None` after `/diagnostics` has published it.
     timing: Option<Timing>,
-    /// Of all processing stages reported, the one with the largest ratio of worst time to deadline.
+    /// Of all processing stages reported so far, the stage with the largest ratio of worst time to
+    /// deadline.
     worst_stage: Option<StageTiming>,
     converters: Option<ChainReport>,
     /// Result of the self-test that the user has asked for, until it is taken.
@@ -101,7 +102,8 @@ pub(crate) struct Session {
     pub(crate) exclusions: Exclusions,
     /// Packed model that the user wants the device to use.
     pub(crate) upload: Option<Upload>,
-    /// Electrodes that the device excludes and fills; `None` before the first report of a session.
+    /// Electrodes that the device excludes, and whose signals it computes from the others; `None`
+    /// before the first report of a session.
     exclusion: Option<Exclusion>,
     /// Bit mask of the electrodes that the newest event on the bus names as excluded.
     excluded: u64,
@@ -146,7 +148,7 @@ struct MessageTimes {
 
 impl MessageTimes {
     /// Returns the times, clock and trigger with which the message is converted for publication. If
-    /// not `is_possible`, the device time is wrong and is left out.
+    /// `is_possible` is false, the device time is wrong and is left out.
     fn reception<'a>(
         self,
         is_possible: bool,
@@ -284,13 +286,13 @@ impl Session {
         {
             tracing::error!("the device's frames cannot be decoded: {error}");
         } else {
-            // Use the debug level, because noise on the line would fill the log. `/diagnostics`
-            // counts these frames.
+            // Use the debug level, because noise on the serial line would fill the log.
+            // `/diagnostics` counts these frames.
             tracing::debug!(%error, "frame ignored");
         }
     }
 
-    /// Handles a frame from the device that was read at the time `read`.
+    /// Handles `frame`, which the host read from the device's port at the time `read`.
     pub(crate) fn handle_frame(
         &mut self,
         frame: &Frame<ToHost>,
@@ -298,7 +300,8 @@ impl Session {
         effects: &mut dyn Effects,
     ) {
         effects.note_stamps(self.clock.follow(read), self.side.bus.shift_us());
-        // Note the next row before handling the message: any gap before it begins at this row.
+        // Get the next row before the message is handled: a gap that the message ends begins at
+        // this row.
         let row = self.next_row(None).map(|next| next.index);
         self.handle_message(frame, read, effects);
         self.report_missing(row, read, effects);
@@ -394,8 +397,8 @@ impl Session {
     }
 
     /// Returns the row of the announced stream whose signal was at the electrodes when an event
-    /// happened, directly before ADC sample `sample`. If the event's time is not `is_possible`,
-    /// returns the next row.
+    /// happened. The event happened directly before ADC sample `sample`. If `is_possible` is false,
+    /// the event's time is wrong, and the method returns the next row.
     fn row_of_event(&mut self, sample: u64, at: MessageTimes, is_possible: bool) -> Option<u64> {
         if !is_possible {
             return Some(self.next_row(None)?.index);
@@ -460,7 +463,8 @@ impl Session {
         self.trigger.restart();
     }
 
-    /// Records a frame's sequence number. Returns false if the number is old: ignore such a frame.
+    /// Records a frame's sequence number. Returns false if the number is old; the caller must then
+    /// ignore the frame.
     fn record_frame(&mut self, header: Header) -> bool {
         if let Arrival::New { .. } = self.frames.record(header.seq) {
             self.old_frames_in_a_row = 0;
@@ -482,7 +486,8 @@ impl Session {
         let Some(codes) = &mut self.codes else { return };
         let hops = Streams::CODES | Streams::PACKED | Streams::FEATURES;
         let streams = stats.streams != stats.streams.without(hops);
-        // If other streams alone were asked for, such as events, any reported stream means running.
+        // If the bridge asked for other streams only, such as events, the device counts as running
+        // as soon as it reports any stream.
         let asked = self.commands.streams();
         let runs = if asked == asked.without(hops) { !stats.streams.is_empty() } else { streams };
         if runs {
@@ -625,8 +630,8 @@ impl Session {
             self.side.events.restart();
             self.trigger.restart();
         }
-        // The clock is fitted to codes, and to packed blocks only until the first code arrives or
-        // if no codes stream.
+        // The clock is fitted to codes. It is fitted to packed blocks only if no codes stream, or
+        // until the first code arrives.
         let has_codes = self.commands.streams().contains(Streams::CODES);
         let trusted = if has_codes && self.clock.is_known() {
             self.clock.is_possible(at.device_us, at.read)
@@ -645,7 +650,7 @@ impl Session {
             return;
         };
         self.commands.stream_received(at.read.monotonic_us);
-        // The clock is fitted to features only if nothing else shows the time of each hop.
+        // The clock is fitted to features only if no other stream gives the time of each hop.
         let streams = self.commands.streams();
         let has_hops = streams.contains(Streams::CODES) || streams.contains(Streams::PACKED);
         let trusted = if has_hops && self.clock.is_known() {
@@ -664,7 +669,8 @@ impl Session {
     }
 
     /// Returns whether codes and packed blocks of the device can be published. If the device sends
-    /// other streams than announced (an acknowledgement was lost), announces the device again.
+    /// other streams than announced, because an acknowledgement was lost, announces the device
+    /// again.
     fn expects_hops(&mut self, read: HostTime, effects: &mut dyn Effects) -> bool {
         let is_usable = self.accepts_codes();
         if is_usable {
@@ -751,7 +757,8 @@ impl Session {
         Some(Err(why))
     }
 
-    /// Returns the wall-clock time of a frame's stamp at `now`, nanoseconds, and notes its offset.
+    /// Returns the wall-clock time, nanoseconds since 1970, that a stamp of a frame has at `now`.
+    /// Reports the offset of stamps from the host's monotonic time to `effects`.
     fn frame_wall_ns(&mut self, now: HostTime, effects: &mut dyn Effects) -> i64 {
         let offset_ns = self.clock.follow(now);
         effects.note_stamps(offset_ns, self.side.bus.shift_us());
@@ -769,7 +776,8 @@ impl Session {
         self.side.bus.publish(&event, wall_ns, place, effects)
     }
 
-    /// Sets the user's choice of electrodes to exclude, and queues the command for a known device.
+    /// Sets the user's choice of electrodes to exclude, and queues the command if a device has
+    /// introduced itself.
     pub(crate) fn set_exclusions(&mut self, exclusions: Exclusions) {
         if let Some(codes) = &self.codes {
             let (policy, _) = exclusions.policy(&codes.device().labels);
@@ -783,8 +791,9 @@ impl Session {
         Some(&self.codes.as_ref()?.device().labels)
     }
 
-    /// Converts `now` to device time by the fit of the clocks, microseconds, and to the wall-clock
-    /// time of stamps, nanoseconds since 1970. The device time is `None` before the first frame.
+    /// Converts `now` to device time, microseconds, with the fit of the clocks, and to the
+    /// wall-clock time of stamps, nanoseconds since 1970. The device time is `None` before the
+    /// first frame.
     pub(crate) fn times_at(&mut self, now: HostTime) -> (Option<i64>, i64) {
         let wall_ns = now.monotonic_us * 1000 + self.clock.follow(now);
         (self.clock.device_us_at(now.monotonic_us), wall_ns)
@@ -841,7 +850,7 @@ impl Session {
         self.side.bus.publish(&event, wall_ns, place, effects);
     }
 
-    /// Publishes an event if, since the report `before`, an electrode has lost or regained contact.
+    /// Publishes an event if an electrode has lost or regained contact since the report `before`.
     fn report_electrodes(
         &mut self,
         before: Option<&ChainReport>,

@@ -195,7 +195,7 @@ pub fn with_codes(streams: Streams) -> Streams {
 }
 
 choice! {
-    /// What the stamp of a frame refers to.
+    /// Point in time to which a frame's stamp refers.
     StampPoint {
         First = "first":
             "Time at which the frame's first sample was at the electrodes (filter delay removed).",

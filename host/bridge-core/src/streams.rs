@@ -1,4 +1,4 @@
-//! Conversion of the device's messages to NeuroFrames and NeuroEvents; counts and fills lost data.
+//! Converts the device's messages to NeuroFrames and NeuroEvents, and counts and fills lost data.
 
 pub(crate) mod code;
 pub(crate) mod event;

@@ -259,7 +259,8 @@ fn list_ports(options: &PortsOptions) -> Result<(), BridgeError> {
     print_report(&ports, options.json)
 }
 
-/// Checks what the bridge needs and prints the findings. Exit status 1 means that one is an error.
+/// Checks what the bridge needs and prints the findings. Returns exit status 1 if a finding is an
+/// error.
 fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Result<ExitCode, BridgeError> {
     let runtime = one_thread()?;
     let report = runtime.block_on(doctor::examine(options, ros));
@@ -279,7 +280,6 @@ fn print_summary(summary: &impl fmt::Display) {
     new_file::message!("corticode-bridge: {summary}");
 }
 
-/// Prints a report as text or as JSON.
 fn print_report(report: &(impl Serialize + fmt::Display), json: bool) -> Result<(), BridgeError> {
     let text = if json {
         serde_json::to_string_pretty(report).map_err(std::io::Error::from)?

@@ -23,7 +23,7 @@ use crate::update::UpdateError;
 /// for the streaming bridge, which waits.
 #[derive(Debug, Error)]
 pub enum BridgeError {
-    /// The program shall compute codes, but its built-in model has no network to encode with.
+    /// The program is asked to compute codes, but its built-in model has no network to encode with.
     #[error(
         "this program was built with a model without a network, which has no codes; build it with another model \
          (CORTICODE_ARTIFACT)"
@@ -84,8 +84,8 @@ pub enum BridgeError {
         judged: usize,
         /// Number of seconds that `--seconds` asks for.
         wanted: usize,
-        /// Which electrodes were bad, and for how many seconds, after a semicolon; empty if none
-        /// was.
+        /// Text that lists the bad electrodes and the bad seconds of each, preceded by a semicolon;
+        /// empty if no electrode was bad.
         bad: String,
     },
     /// A recording lacks too many of the model's electrodes, so it was made with another cap.
@@ -120,13 +120,13 @@ pub enum BridgeError {
          --recording, and build an image with it (CORTICODE_ARTIFACT)"
     )]
     NoSlot(String),
-    /// The model has no linear map that a person's linear code could replace.
+    /// The network of the model has no linear map whose place a person's linear code could take.
     #[error(
         "the network of model {0} has no linear map in whose place a person's numbers could be computed; calibrate \
          without --numbers, or flash an image of a model of mode shortcut or pca, and name its folder with --model"
     )]
     NoLinearMap(ModelId),
-    /// The device accepts no linear code.
+    /// The device cannot take a linear code that was fitted to a person.
     #[error(
         "the device, a {0}, takes no numbers of a person: it has no memory for a model, its image has no network or \
          one without a linear map, or its firmware is older than this program; calibrate without --numbers, use a \

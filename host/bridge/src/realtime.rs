@@ -11,8 +11,8 @@ use thread_priority::{
 
 use crate::app::command_line::Switch as _;
 
-/// Priority under `SCHED_FIFO`, of 1 to 99: above every ordinary program, and below the threads in
-/// which Linux handles interrupts, which have 50.
+/// Priority under `SCHED_FIFO` (range 1 to 99): above every ordinary program, and below the threads
+/// in which Linux handles interrupts, which have priority 50.
 const PRIORITY: u8 = 20;
 /// Advice for the user: how the members of the group `dialout` get real-time scheduling.
 pub(crate) const REMEDY: &str = "sudo install -m 644 packaging/60-corticode.conf /etc/security/limits.d/ \

@@ -1,4 +1,4 @@
-//! The folder in which a user keeps packed models that were fitted to people.
+//! The folder in which a user stores packed models that were fitted to people.
 
 use std::ffi::OsString;
 use std::fs::{self, File, Permissions};

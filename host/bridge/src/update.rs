@@ -58,7 +58,7 @@ pub(crate) trait Machine {
 
     fn open(&mut self, id: Self::LoaderId) -> io::Result<Self::Loader>;
 
-    /// Returns the time since a fixed instant.
+    /// Shows a line of text to the user.
     fn now(&self) -> Duration;
 
     fn sleep(&mut self, time: Duration);
@@ -289,7 +289,7 @@ pub(crate) fn update<M: Machine>(
     Ok(device)
 }
 
-/// Returns the flash of the image's board, if the image fits it.
+/// Returns the layout of the board's flash, if the program knows the board and the image fits.
 fn check_image(image: &Image) -> Result<FlashLayout, UpdateError> {
     let known = BOARDS.iter().find(|(board, _)| *board == image.board);
     let flash = known.and_then(|(_, flash)| FlashLayout::parse(flash));
@@ -336,8 +336,9 @@ fn retry<M: Machine, T, E>(
     }
 }
 
-/// Returns the loader that was not `present` before the device's reset. The serial number does not
-/// identify it: a loader's differs from its device's, and is the same in all chips of some kinds.
+/// Returns the loader that was not `present` before the device's reset. Its serial number cannot
+/// identify it, because the serial number of a loader differs from that of its device, and is the
+/// same in all chips of some kinds.
 fn new_loader<M: Machine>(
     machine: &mut M,
     present: &[M::LoaderId],

@@ -1,4 +1,4 @@
-//! The port to the device: its address, opening it again when it is lost, and moving bytes.
+//! The port to the device: its address, its reopening after a loss, and the transfer of bytes.
 
 pub(crate) mod connection;
 pub(crate) mod opener;

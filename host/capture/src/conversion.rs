@@ -69,7 +69,7 @@ pub enum ConvertError {
         /// Number of rows in the second pass.
         written: u64,
     },
-    /// A file in the chosen format cannot hold the stream, or cannot state its start.
+    /// A file in the chosen format cannot hold the stream or the time of its start.
     #[error("{} cannot be written in this format; choose another one with --to", .0.display())]
     Format(PathBuf, #[source] std::io::Error),
     /// A file cannot be created or written.
@@ -102,10 +102,11 @@ pub struct ConvertSummary {
     files: Vec<(PathBuf, u64)>,
     events: usize,
     left_out: LeftOut,
-    /// Number of missing rows without fillers, because their stream had too many fillers.
+    /// Number of missing rows that no filler replaces, because their stream already has as many
+    /// fillers as permitted.
     unfilled: u64,
-    /// Duration by rows, and by the host's clock, seconds, of the first stream in which these
-    /// differ too much; `None` if they agree in all streams.
+    /// Two durations of a stream, seconds: by its rows, and by the host's clock. The stream is the
+    /// first one for which they differ too much; `None` if they agree for all streams.
     differing_s: Option<(f64, f64)>,
     core: Summary,
 }
@@ -151,7 +152,7 @@ impl fmt::Display for ConvertSummary {
 }
 
 /// Converts a recording in two passes. In each pass, `progress` gets the recording's file and the
-/// name of the pass, and returns a reader that shows how far the file is read.
+/// name of the pass, and returns a reader that reports how far the file has been read.
 ///
 /// # Errors
 ///
@@ -315,7 +316,8 @@ struct Input<'a, P> {
 }
 
 impl<R: Read, P: Fn(File, &'static str) -> R> Input<'_, P> {
-    /// Plays the whole recording to `listener`, unless `check`, called after each record, fails.
+    /// Plays the recording to `listener`. Calls `check` after each record, and stops if `check`
+    /// fails.
     fn play<L: Listener>(
         &self,
         listener: L,

@@ -4,10 +4,12 @@ use std::collections::VecDeque;
 
 use bridge_core::HostTime;
 
-/// If the offset between the clocks changes by this much from one reading to the next, the host was
-/// suspended in between; microseconds. Otherwise it changes by a few microseconds at most.
+/// Least change of the offset between the clocks, from one reading to the next, that counts as a
+/// suspension of the host, microseconds. Without a suspension the offset changes by a few
+/// microseconds at most.
 const LEAST_SLEEP_US: f64 = 1_000.0;
-/// Largest number of segments kept: samples can wait in the device or in a queue for minutes.
+/// Largest number of segments that are stored. Old segments are needed for samples that have waited
+/// in the device or in a queue for minutes.
 const MOST_SEGMENTS: usize = 16;
 /// Number of readings of both clocks in a row. The reading that took the least time is used.
 const READINGS: usize = 3;

@@ -57,7 +57,7 @@ pub struct Acquisition {
 }
 
 impl Acquisition {
-    /// Copies what the metadata state about the device.
+    /// Copies the properties of the device that the metadata contain.
     pub fn new(device: &Device) -> Acquisition {
         Acquisition {
             board: device.board.clone(),
@@ -178,7 +178,7 @@ fn source_id(name: &str, device: &Acquisition, stream: &str) -> String {
     format!("{name}:{}:{stream}", device.serial)
 }
 
-/// Appends the properties of the device and of its stamps under their names in the XDF metadata
+/// Appends the device's properties and the delay of its stamps, under the names in the XDF metadata
 /// specifications. `lag_s` is the delay that was subtracted from the stamps, seconds.
 fn describe_origin(info: &Info, device: &Acquisition, lag_s: f64) {
     let acquisition = info.desc().append("acquisition");

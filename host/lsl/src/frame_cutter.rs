@@ -3,8 +3,8 @@
 /// Fraction of a sample's deviation by which the later expected times are corrected. A clock that
 /// is off by 1 % then deviates by half a sample, and the jitter within a chunk averages out.
 const GAIN: f64 = 0.02;
-/// Deviation of a sample's time above which samples count as missing before it, seconds. Programs
-/// that stamp whole chunks on arrival cause smaller deviations.
+/// Deviation of a sample's time, seconds, above which the samples before this one count as missing.
+/// Programs that stamp whole chunks on arrival cause smaller deviations.
 const LEAST_GAP_S: f64 = 0.25;
 /// Amount by which the frame numbers jump when the sender restarts.
 const RESTART: u32 = 1 << 30;
@@ -15,8 +15,8 @@ pub(crate) struct CutFrame {
     pub(crate) number: u32,
     /// Values, one sample after the other.
     pub(crate) values: Vec<f32>,
-    /// End of the last sample's period, seconds, on the clock of the samples' times, with the
-    /// jitter averaged out.
+    /// End of the last sample's period, seconds, on the clock that the samples' times refer to;
+    /// jitter is averaged out.
     pub(crate) end_s: f64,
 }
 
@@ -112,8 +112,8 @@ impl FrameCutter {
         self.values.clear();
     }
 
-    /// Returns how many positions before the next sample belong to the frame that is being
-    /// discarded, if one is. Takes back this frame's number, which is already counted.
+    /// If a frame is being discarded, returns how many of its sample positions lie before the next
+    /// sample, and subtracts the frame from `number`, which already counts it. Otherwise returns 0.
     fn skipped_places(&mut self) -> usize {
         if self.skipped == 0 {
             return 0;
@@ -170,7 +170,7 @@ mod tests {
 
     #[test]
     fn jitter_and_a_wrong_rate_are_no_gap() {
-        // Chunks of 20 samples that have the time of the last one, and a clock 1 % off.
+        // All 20 samples of a chunk have the time of the chunk's last sample; the clock is 1 % off.
         let samples = (0..5000_u32).map(|index| {
             let chunk_s = f64::from(19 - index % 20) / 100.0;
             (index, chunk_s + f64::from(index) * 1e-4)
@@ -186,7 +186,8 @@ mod tests {
         let mut worst: f64 = 0.0;
         for index in 0..20_000_u32 {
             hash = hash.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            // Up to 1 ms early or late, and a clock 200 ppm fast.
+            // Each sample's time is up to 1 ms early or late, and the sender's clock is 200 ppm
+            // fast.
             let error_s = 2e-3 * (f64::from(hash >> 8) / f64::from(1 << 24) - 0.5);
             let made_s = f64::from(index) / 512.0 / 1.000_2;
             let Some(frame) = cutter.push(made_s + error_s, std::iter::once(0.0)) else {

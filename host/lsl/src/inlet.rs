@@ -17,13 +17,13 @@ const FRAMES_PER_SECOND: u16 = 16;
 /// Duration of one search for the stream, and time limit for the stream's answer, seconds.
 const SEARCH_S: f64 = 2.0;
 const ANSWER_S: f64 = 10.0;
-/// Longest wait for a sample, seconds. After it, the caller is asked whether to continue.
+/// Longest wait for a sample, seconds. After this time the caller is asked whether to continue.
 const PULL_S: f64 = 0.1;
 /// Largest number of samples fetched from liblsl at once.
 const MOST_SAMPLES: usize = 4096;
 /// Time between two queries of the offset between the sender's clock and this machine's.
 const CORRECTION_PERIOD: Duration = Duration::from_secs(2);
-/// Age from which on a sample's time cannot be from LSL's clock, microseconds.
+/// Age of a sample, microseconds, above which its time cannot be from LSL's clock.
 const MOST_AGE_US: i64 = 600_000_000;
 
 /// Units that a stream may state, in lower case, with the number of microvolts in each.
@@ -41,14 +41,14 @@ const UNITS: &[(&str, f32)] = &[
     ("v", 1e6),
 ];
 
-/// Which stream to receive, and what replaces its metadata.
+/// Which stream to receive, and values that override its metadata.
 #[derive(Clone, Debug, Default)]
 pub struct InletOptions {
-    /// Property to search for, `name`, `type`, `source_id` or `hostname`, and its value.
+    /// Property to search for (`name`, `type`, `source_id` or `hostname`), and its value.
     pub query: [String; 2],
-    /// Labels of all channels; if empty, the labels in the metadata count.
+    /// Labels of all channels; empty for the labels in the metadata.
     pub labels: Vec<String>,
-    /// Unit of all channels; if `None`, the unit in the metadata counts.
+    /// Unit of all channels; `None` for the unit in the metadata.
     pub unit: Option<String>,
     /// Rate of the samples, Hz; if `None`, the nominal rate counts.
     pub rate_hz: Option<u16>,
@@ -79,7 +79,8 @@ impl InletOptions {
 pub enum Received {
     /// Samples, and the host time at which the last sample's period ended.
     Frame(Box<NeuroFrame>, HostTime),
-    /// Number of matching streams. Repeated while no samples arrive, so that the caller can end.
+    /// Number of matching streams. Passed on repeatedly while no samples arrive, so that the caller
+    /// can end the reception.
     Matching(usize),
     /// The stream cannot be used at present.
     Refused(InletError),
@@ -112,7 +113,8 @@ pub fn receive(library: Library, options: &InletOptions, mut pass: impl FnMut(Re
     }
 }
 
-/// Searches for the stream once and receives it until it ends. Returns whether to go on.
+/// Searches for the stream once and receives it until it ends. Returns whether the caller should
+/// search again.
 fn receive_one(
     library: Library,
     options: &InletOptions,
@@ -164,8 +166,8 @@ fn stream(
     let mut cutter = FrameCutter::new(channels.rate_hz, samples);
     let mut has_foreign_clock = false;
     loop {
-        // Wait for one sample, then take those that have come with it: given more room, liblsl
-        // would wait until it is full.
+        // Wait for one sample, then take those that have come with it. With room for more samples
+        // in the first call, liblsl would wait until the room is full.
         let mut count = inlet.pull(&mut values[..channels.all], &mut times[..1], PULL_S)?;
         if count > 0 {
             count += inlet.pull(&mut values[channels.all..], &mut times[1..], 0.0)?;
@@ -174,7 +176,8 @@ fn stream(
         let now = HostTime::now();
         if corrected.elapsed() > CORRECTION_PERIOD {
             corrected = Instant::now();
-            // Does not wait: liblsl measures in the background. Without a result, keep the old one.
+            // The call does not wait, because liblsl measures in the background. If it has no
+            // result, keep the old correction.
             if let Ok(newest) = inlet.time_correction(0.0) {
                 correction_s = newest;
             }
@@ -221,7 +224,7 @@ fn host_time(host_us: f64, period_us: f64, now: HostTime) -> Option<HostTime> {
     })
 }
 
-/// The channels that are passed on.
+/// The channels of a stream, and which of them are passed on.
 struct Channels {
     /// Number of all channels of the stream.
     all: usize,
@@ -349,7 +352,8 @@ mod tests {
         let now = HostTime { monotonic_us: 1_000_000_000, wall_ns: 1_700_000_000_000_000_000 };
         let at = |host_us| host_time(host_us, 2_000.0, now).map(|time| time.monotonic_us);
         assert_eq!(at(999_000_000.0), Some(999_000_000));
-        // Periods that began 1.5 ms ago and, by a wrong clock, 0.5 ms in the future.
+        // The first period began 1.5 ms ago. The second would begin 0.5 ms in the future, because a
+        // clock is wrong.
         assert_eq!(at(1_000_000_500.0), Some(1_000_000_500));
         assert_eq!(at(1_000_002_500.0), Some(1_000_002_000));
         assert_eq!(at(1.7e15), None);

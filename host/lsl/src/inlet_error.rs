@@ -87,7 +87,8 @@ pub(crate) struct Identity {
 }
 
 impl Identity {
-    /// Returns queries that match the stream, and possibly others; the easiest to type is first.
+    /// Returns queries that match the stream and possibly other streams; the easiest to type is
+    /// first.
     fn queries(&self) -> Vec<String> {
         let is_plain = !self.name.contains('=');
         let queries = [
@@ -100,8 +101,8 @@ impl Identity {
     }
 }
 
-/// Returns for each of several streams its name, its host, and the option that finds it alone
-/// among them.
+/// Returns, for each of several streams, its name, its host, and the option that selects this
+/// stream and none of the others.
 pub(crate) fn choices(streams: &[Identity]) -> Vec<String> {
     let queries: Vec<Vec<String>> = streams.iter().map(Identity::queries).collect();
     let choice = |(stream, of): (&Identity, &Vec<String>)| {
@@ -146,7 +147,8 @@ mod tests {
         assert_eq!(typed(&[["a", "1", "pc"], ["b", "1", "pc"]]), ["lsl:a", "lsl:b"]);
         let same_name = [["a", "1", "pc"], ["a", "2", "pc"]];
         assert_eq!(typed(&same_name), ["lsl:source_id=1", "lsl:source_id=2"]);
-        // The name would be read as a property; the source id holds a space.
+        // The name of the first stream would be read as a property; the source id of the second
+        // contains a space.
         let hard = [["x=a", "", "pc"], ["b", "my amp", "pc"], ["b", "", "tablet"]];
         let expected = ["lsl:name=x=a", "'lsl:source_id=my amp'", "lsl:hostname=tablet"];
         assert_eq!(typed(&hard), expected);

@@ -1,4 +1,5 @@
-//! Lab Streaming Layer (LSL): outlets for the bridge's streams, and an inlet for an amplifier's.
+//! Lab Streaming Layer (LSL): outlets for the bridge's streams, and an inlet for the stream of an
+//! amplifier.
 //!
 //! ```text
 //! publish ──► LslSink ──► queue ──► thread `lsl` ──► liblsl ──► recorders, viewers
@@ -10,8 +11,9 @@
 //! The crate uses LSL's reference implementation, the C library liblsl, which is loaded when it is
 //! needed. All calls of liblsl are in `liblsl.rs`, the only file with `unsafe`.
 //!
-//! Pushing to liblsl takes locks that its network threads also take, and can allocate memory. A
-//! separate thread therefore pushes, from a bounded queue for each stream, and sinks never wait.
+//! Pushing to liblsl takes locks that its network threads also take, and can allocate memory.
+//! Therefore a separate thread pushes samples from a bounded queue for each stream, and sinks never
+//! wait.
 #![deny(unsafe_code)]
 
 mod clock_map;
@@ -25,7 +27,7 @@ mod outlet;
 mod row_times;
 mod sink;
 
-/// What the stamp of a frame refers to, a part of [`LslOptions`].
+/// Point in time to which a frame's stamp refers; a field of [`LslOptions`].
 pub use bridge_core::StampPoint;
 pub use description::{Acquisition, StreamKind};
 pub use inlet::{InletOptions, Received, receive};

@@ -14,7 +14,8 @@ use thiserror::Error;
 pub(crate) const FLOAT: c_int = 1;
 /// Format of a stream of strings (`cft_string`).
 pub(crate) const STRING: c_int = 3;
-/// Length of the buffer in which liblsl keeps samples for a slow receiver, seconds; its default.
+/// Length of the buffer in which liblsl keeps samples for a slow receiver, seconds; liblsl's
+/// default.
 const BUFFER_S: i32 = 360;
 /// Largest number of streams that one search returns.
 const MOST_FOUND: u32 = 64;
@@ -30,7 +31,6 @@ pub enum LoadError {
     Function(&'static str, #[source] libloading::Error),
 }
 
-/// Error of a call of liblsl.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub(crate) enum CallError {
     /// The stream has ended and does not return.

@@ -27,7 +27,7 @@ const LINGER: Duration = Duration::from_millis(500);
 pub struct LslOptions {
     /// First part of the names of the streams, and of their source ids.
     pub name: String,
-    /// What the stamp of a frame refers to.
+    /// Point in time to which a frame's stamp refers.
     pub stamp: StampPoint,
 }
 
@@ -72,7 +72,7 @@ impl Lsl {
         self.maker.events(room)
     }
 
-    /// Returns the scale of the stamps, which the caller must keep up to date.
+    /// Returns the scale of the stamps. The caller must keep this scale up to date.
     pub fn scale(&self) -> Arc<StampScale> {
         Arc::clone(&self.maker.scale)
     }
@@ -104,7 +104,8 @@ struct Streams {
     device: Acquisition,
     clock: ClockMap,
     signals: BTreeMap<&'static str, Signal>,
-    /// Stream of events and of the beginnings and ends of fillers; open once the device is known.
+    /// Stream of events and of the beginnings and ends of fillers; `None` until the device is
+    /// known.
     events: Option<Outlet>,
 }
 
@@ -162,7 +163,8 @@ impl Streams {
         outlets.filter(|outlet| outlet.has_receivers()).count()
     }
 
-    /// Sets the device, if it is another: closes all streams, and opens the stream of events.
+    /// Sets the device. If the device has changed or no stream of events is open, closes all
+    /// streams, and opens the stream of events.
     fn set_device(&mut self, device: Acquisition) -> Result<(), CallError> {
         if self.events.is_some() && device == self.device {
             return Ok(());

@@ -5,11 +5,12 @@ use bridge_core::StampPoint;
 /// Largest difference between a measured period and the nominal one, as a fraction. The bridge
 /// follows clocks that are off by up to 4 %.
 const MAX_ERROR: f64 = 0.045;
-/// Number of newest measurements of the period, 1 s of frames, whose median is used, because some
-/// are wrong while the fit of the device's clock settles or moves.
+/// Number of measurements of the period whose median is used: those of the newest 1 s of frames. A
+/// median is used because some measurements are wrong while the fit of the device's clock settles
+/// or moves.
 const MEASUREMENTS: usize = 15;
-/// Shortest time from one sample to the next, microseconds. Two readings of the offset to liblsl's
-/// clock differ by less, so times also increase on that clock.
+/// Shortest time from one sample to the next, microseconds. Successive readings of the offset to
+/// liblsl's clock differ by less than this, so the times also increase on that clock.
 const LEAST_STEP_US: f64 = 10.0;
 
 /// Estimates the period of a stream's samples from the times of its frames, and returns the time of
@@ -21,14 +22,15 @@ pub(crate) struct RowTimes {
     /// Ring of the newest measurements of the period; at first, all are the nominal period.
     measured_us: [f64; MEASUREMENTS],
     next: usize,
-    /// Stamp and length of the previous frame; `None` if it held fillers.
+    /// Stamp of the previous frame, and its number of samples; `None` if it held fillers.
     previous: Option<(f64, usize)>,
     /// Time of the newest sample.
     newest_us: f64,
 }
 
 impl RowTimes {
-    /// Creates an estimator for a stream with this nominal rate. `point` is what stamps refer to.
+    /// Creates an estimator for a stream with this nominal rate. `point` is the point in time to
+    /// which stamps refer.
     pub(crate) fn new(rate_hz: u16, point: StampPoint) -> RowTimes {
         let nominal_us = 1e6 / f64::from(rate_hz.max(1));
         RowTimes {
@@ -42,12 +44,12 @@ impl RowTimes {
     }
 
     /// Returns the times of the `rows` samples of a frame with this stamp, evenly spaced by the
-    /// period of the frames so far. The frame is measured too unless it `holds_fillers`: stamps of
-    /// fillers divide the length of a gap.
+    /// period measured from the frames so far. The frame itself adds a measurement, unless it
+    /// `holds_fillers`: the stamps of fillers only divide a gap evenly.
     ///
     /// Times always increase. If the fit of the device's clock has stepped back by more than a
     /// period, this frame would begin before the end of the previous frame; its samples are then
-    /// spaced more closely, and the last one keeps its time.
+    /// spaced more closely, and the last sample keeps its time.
     pub(crate) fn of_frame(
         &mut self,
         stamp_us: f64,
@@ -101,7 +103,7 @@ mod tests {
         let mut times = RowTimes::new(512, StampPoint::First);
         let mut worst: f64 = 0.0;
         for frame in 0..200 {
-            // The gap, and a step of the fit by 1 ms.
+            // A gap of 3 s before frame 100, and a step of the fit by 1 ms before frame 150.
             let gap = if frame >= 100 { 3e6 } else { 0.0 } + if frame >= 150 { 1e3 } else { 0.0 };
             let stamp_us = 1e6 + f64::from(frame) * 32.0 * period_us + gap;
             for (time, row) in times.of_frame(stamp_us, 32, false).zip(0_u32..) {
@@ -134,7 +136,8 @@ mod tests {
         let mut times = RowTimes::new(512, StampPoint::First);
         let mut all: Vec<f64> = Vec::new();
         for frame in 0..20 {
-            // By less than a period, by more than one, and by more than a frame.
+            // The stamps step back by less than a period, by more than a period, and by more than a
+            // frame.
             let step_us = match frame {
                 5..10 => 1e3,
                 10..15 => 4e3,

@@ -1,4 +1,5 @@
-//! The sinks of frames and events. They queue for the thread that sends, and never wait.
+//! The sinks of frames and events. They put messages into the queue of the thread that sends, and
+//! never wait.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicUsize, Ordering};
@@ -12,7 +13,8 @@ use crate::description::{Acquisition, Shape, StreamKind};
 /// Flag in a sample's first status word: the sample replaces a lost one.
 const FILLER: i32 = 0x8000;
 
-/// What the stamps of a bridge mean at present, shared by all sinks.
+/// Relates the bridge's stamps to the host's monotonic time and its event stamps to the events, at
+/// present; shared by all sinks.
 #[derive(Debug)]
 pub struct StampScale {
     /// Stamp minus the host's monotonic time, nanoseconds.
@@ -32,8 +34,8 @@ impl Default for StampScale {
 }
 
 impl StampScale {
-    /// Sets by how much stamps are larger than the host's monotonic time, nanoseconds, and by how
-    /// much stamps of events are later than the events, microseconds.
+    /// Sets how far stamps are ahead of the host's monotonic time, nanoseconds, and how far stamps
+    /// of events are behind the events themselves, microseconds.
     pub fn set(&self, offset_ns: i64, event_shift_us: i64) {
         self.offset_ns.store(offset_ns, Ordering::Relaxed);
         self.event_shift_us.store(event_shift_us, Ordering::Relaxed);
@@ -66,7 +68,7 @@ pub(crate) enum Job {
 /// Samples for one stream.
 pub(crate) struct Frame {
     pub(crate) shape: Arc<Shape>,
-    /// Sample by sample: the electrodes, then the spare channels.
+    /// Values, sample by sample: the electrodes, then the spare channels.
     pub(crate) values: Vec<f32>,
     /// Whether each sample replaces a lost one.
     pub(crate) fillers: Vec<bool>,
@@ -75,7 +77,7 @@ pub(crate) struct Frame {
     pub(crate) queue: Arc<Queue>,
 }
 
-/// Number of messages of one sink that wait, and its limit.
+/// Number of waiting messages of one sink, and the limit of this number.
 #[derive(Debug)]
 pub(crate) struct Queue {
     waiting: AtomicUsize,
@@ -174,7 +176,8 @@ impl Sink<NeuroFrame> for FrameSink {
     }
 }
 
-/// Returns the values, one sample after the other: the electrodes, then the spare channels.
+/// Returns the frame's values sample by sample: in each sample the electrodes, then the spare
+/// channels.
 fn values(frame: &NeuroFrame) -> Vec<f32> {
     let (eeg, exg) = (&frame.eeg, &frame.exg);
     if exg.data.is_empty() {
@@ -244,7 +247,7 @@ mod tests {
             large.publish(&frame(2, 0)).unwrap();
         }
         assert_eq!((small.dropped(), large.dropped()), (7, 0));
-        // A message that the thread has taken makes room.
+        // When the thread has taken a message, the queue has room for another one.
         let Ok(Job::Frame(first)) = received.recv() else {
             panic!("no frame");
         };

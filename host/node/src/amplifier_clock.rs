@@ -4,7 +4,8 @@ use std::collections::VecDeque;
 
 use bridge_core::{Clock, HostTime};
 
-/// Inverse of the largest relative rate error allowed for after the first frame: 1/25 is 4 %.
+/// Inverse of the largest relative error of the amplifier's rate that is assumed after the first
+/// frame: 1/25 is 4 %. The assumed error falls with each further frame.
 const MAX_ERROR: i64 = 25;
 
 /// The amplifier's count of samples, used as a clock and fitted to the arrivals of frames.
@@ -15,10 +16,12 @@ const MAX_ERROR: i64 = 25;
 pub(crate) struct AmplifierClock {
     /// Fit of the device time to the host's clock.
     fit: Clock,
-    /// Pauses after the newest sample whose time was asked for, oldest first: the nominal time of
-    /// the first sample after the pause, and the sum of all pauses up to it.
+    /// Pauses after the newest nominal time for which `device_us` was called, oldest first. Each
+    /// entry holds the nominal time of the first sample after the pause, and the sum of all pauses
+    /// up to this sample, microseconds.
     pauses: VecDeque<(u64, u64)>,
-    /// Sum of all pauses before the newest sample whose time was asked for.
+    /// Sum of all pauses before the newest nominal time for which `device_us` was called,
+    /// microseconds.
     before_us: u64,
     /// Sum of all pauses so far.
     paused_us: u64,

@@ -68,7 +68,7 @@ pub(crate) struct Options {
     pub(crate) low_latency: bool,
     #[command(flatten)]
     pub(crate) realtime: RealtimeOption,
-    /// Stream that ~get_info describes; record this one and no other
+    /// Stream that ~get_info describes; the only stream to record
     #[arg(
         long,
         env = "CORTICODE_ANNOUNCE",
@@ -118,17 +118,17 @@ fn source(text: &str) -> Result<SourceKind, String> {
     }
 }
 
-/// Options that replace what a stream of the Lab Streaming Layer says of itself.
+/// Options that replace what a stream of the Lab Streaming Layer states about itself.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct StreamOptions {
-    /// With --source lsl, labels of all channels of the stream, such as Fp1,Fp2, in place of its
-    /// own
+    /// With --source lsl, labels of all channels of the stream, such as Fp1,Fp2; they replace its
+    /// own labels
     #[arg(long, env = "CORTICODE_SOURCE_LABELS", value_name = "LABELS", value_delimiter = ',')]
     source_labels: Vec<String>,
-    /// With --source lsl, unit of the samples in place of the stream's own
+    /// With --source lsl, unit of the samples, which replaces the stream's own
     #[arg(long, env = "CORTICODE_SOURCE_UNIT", value_parser = ["microvolts", "millivolts", "volts"])]
     source_unit: Option<String>,
-    /// With --source lsl, rate of the samples in place of the stream's own, Hz
+    /// With --source lsl, sampling rate that replaces the stream's own, Hz
     #[arg(long, env = "CORTICODE_SOURCE_RATE", value_name = "HZ")]
     source_rate: Option<u16>,
     /// File of liblsl, the library of the Lab Streaming Layer [default: the system's, else that of

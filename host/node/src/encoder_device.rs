@@ -30,14 +30,14 @@ pub struct EncoderDevice {
     producer: Box<Producer<EncoderMemory>>,
     /// Memory for a personal model, which the host uploads.
     slot: Box<ModelSlot>,
-    /// Parameters of a run that begins with the next sample; `None` while a run continues.
+    /// Parameters with which the next sample begins a run; `None` while a run continues.
     new_run: Option<Run>,
     /// Number of steps since the last `Start`.
     steps: u64,
     counts: Counts,
 }
 
-/// Queue of bytes for the host, which the program takes out.
+/// Queue of bytes for the host. [`EncoderDevice::take_bytes`] takes the bytes out.
 #[derive(Clone, Debug, Default)]
 struct Outgoing {
     bytes: Vec<u8>,

@@ -80,8 +80,8 @@ impl SourceFeed {
         Some(count)
     }
 
-    /// Handles a frame with the time of its arrival, or the reason why there is none. Returns true
-    /// if the frame has created the device, which then counts as connected.
+    /// Handles a frame with the time of its arrival, or the reason why a frame cannot be used.
+    /// Returns true if the frame has created the device, which then counts as connected.
     fn handle_received(&mut self, received: Result<(NeuroFrame, HostTime), Refusal>) -> bool {
         let handled = received.and_then(|(frame, read)| {
             self.newest = Some(read);
@@ -199,7 +199,7 @@ impl Feed for SourceFeed {
                     continue;
                 }
             }
-            // An absolute deadline, because the caller drops this future at each of its ticks.
+            // Use an absolute deadline, because the caller drops this future at each of its ticks.
             let deadline = self.passed + STATS_PERIOD;
             match timeout_at(deadline, self.frames.recv()).await {
                 Ok(Some(received)) => {

@@ -22,7 +22,7 @@ pub(crate) enum Frames {
     Stream(StreamFrames),
 }
 
-/// The frames that a thread cuts from a stream.
+/// The frames into which a thread divides a stream of the Lab Streaming Layer.
 pub(crate) struct StreamFrames {
     name: String,
     received: mpsc::Receiver<Received>,
@@ -59,9 +59,9 @@ impl Frames {
         Ok(Frames::Stream(StreamFrames { name, received, matching: 0, dropped }))
     }
 
-    /// Waits for the next frame. Returns it with the time at which its last sample was made, or if
-    /// that is unknown, at which it arrived. Returns an error if a frame cannot be used, and `None`
-    /// if no further frame follows. Dropping the future loses no frame.
+    /// Waits for the next frame. Returns it with the time at which its last sample was made, or, if
+    /// that time is unknown, with the time of the frame's arrival. Returns an error if a frame
+    /// cannot be used, and `None` if no further frame follows. Dropping the future loses no frame.
     pub(crate) async fn recv(&mut self) -> Option<Result<(NeuroFrame, HostTime), Refusal>> {
         match self {
             Frames::Topic(subscriber) => {

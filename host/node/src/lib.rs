@@ -3,7 +3,7 @@
 //! A board encodes the samples of its own converters. This program subscribes to the frames of
 //! another amplifier's acquisition and encodes them with the same pipeline, bit for bit as host-sim
 //! encodes a recording of the same samples. The bridge's core publishes the codes, so subscribers
-//! see no difference.
+//! see no difference between a board and this program.
 //!
 //! ```text
 //! /neurodata ─► Layout, Sequence, Pauses ─► LiveAdc ─► EncoderDevice ─► bridge ─► /encoded

@@ -18,18 +18,19 @@ pub(crate) struct Pauses {
     late_us: i64,
 }
 
-/// What the arrival of a frame shows.
+/// What the arrival of a frame reveals about pauses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Finding {
-    /// The acquisition has paused before the first frame that is not placed in time yet.
+    /// The acquisition paused: before the frame that has been waiting since the standstill, or, if
+    /// no frame waits, before this frame.
     pub(crate) is_pause: bool,
-    /// The frame ends a standstill: the next frame shows whether it was a pause.
+    /// The frame ends a standstill. The next frame shows whether the standstill was a pause.
     pub(crate) is_open: bool,
 }
 
 impl Pauses {
-    /// Takes note of a frame that arrives at `read_us`. Its samples, and the samples of the lost
-    /// frames before it, last `span_us`. Both times are in microseconds.
+    /// Notes a frame that arrives at `read_us`. `span_us` is the duration of its samples and of the
+    /// samples of the lost frames before it. Both times are in microseconds.
     pub(crate) fn record(&mut self, read_us: i64, span_us: i64) -> Finding {
         let interval_us = read_us - self.newest_us.replace(read_us).unwrap_or(read_us - span_us);
         let excess_us = interval_us - span_us;

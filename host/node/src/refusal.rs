@@ -55,9 +55,9 @@ pub enum Refusal {
     Changed {
         /// Property of the layout that differs, such as the rate.
         what: &'static str,
-        /// The property in the first frame.
+        /// Value of the property in the first frame.
         expected: String,
-        /// The property in the refused frame.
+        /// Value of the property in the refused frame.
         found: String,
     },
     /// The frame has the same number, `neuroheader.seq`, as the frame before it. Holds the number.

@@ -22,9 +22,9 @@ const _: () = assert!(model::CHANNELS <= recordings::virtual_adc::CHANNELS);
 ///
 /// The device time is the number of samples divided by their nominal rate, as on a board, plus the
 /// pauses of the acquisition. Bytes of the device count as read at the host time at which their
-/// newest sample was made, by the fit of the device time to the arrivals of frames. So the waiting
-/// of samples for the rest of their frame or for the resampler does not disturb the bridge's own
-/// fit.
+/// newest sample was made. This host time comes from the fit of the device time to the arrivals of
+/// frames. So samples that wait for the rest of their frame or for the resampler do not disturb the
+/// bridge's own fit.
 pub struct Source {
     layout: Layout,
     map: MontageMap,
@@ -128,7 +128,8 @@ impl Source {
     ///
     /// # Errors
     ///
-    /// [`Refusal`] if the frame must not be encoded. The frame counts as lost when the next comes.
+    /// [`Refusal`] if the frame must not be encoded. The frame counts as lost when the next frame
+    /// arrives.
     pub fn check(&mut self, frame: &NeuroFrame) -> Result<Arrival, Refusal> {
         self.layout.admit(frame)?;
         match self.sequence.record(frame, self.layout.frame_us()) {
@@ -139,7 +140,7 @@ impl Source {
 
     /// Replaces the device by a new one, because the acquisition has restarted. `read` is the
     /// arrival of the first frame after the restart. The new device introduces itself to the host,
-    /// which then starts its streams. Samples that wait for the resampler are dropped.
+    /// and the host then starts the streams. Samples that wait for the resampler are dropped.
     ///
     /// # Errors
     ///
@@ -220,8 +221,8 @@ impl Source {
 
     /// Passes bytes from the host to the device; the present host time is `now`.
     pub fn receive(&mut self, bytes: &[u8], now: HostTime) {
-        // Between two frames the device time follows the host's clock, by one frame at most: later
-        // times belong to the samples of the next frame.
+        // Between two frames the device time advances with the host's clock, but by one frame at
+        // most: later times belong to the samples of the next frame.
         let since_us = self
             .clock
             .newest()
@@ -252,7 +253,7 @@ impl Source {
         self.outgoing.pop_front()
     }
 
-    /// Puts bytes that the host has not taken yet back to the front of the queue.
+    /// Returns bytes to the front of the queue, because the host has not taken them yet.
     pub(crate) fn put_back(&mut self, read: HostTime, bytes: Vec<u8>) {
         self.outgoing.push_front((read, bytes));
     }
@@ -276,7 +277,7 @@ impl Source {
         [position / adc_rate, position.div_ceil(adc_rate)]
     }
 
-    /// Returns whether an input sample next to the virtual ADC's next sample was lost.
+    /// Returns whether one of the two input samples around the virtual ADC's next sample was lost.
     fn is_lost(&mut self) -> bool {
         let [before, after] = self.input_around();
         while self.lost.front().is_some_and(|lost| lost.end <= before) {
@@ -303,7 +304,8 @@ fn adc(layout: &Layout, map: &MontageMap) -> Result<LiveAdc, Refusal> {
     Ok(LiveAdc::new(&layout.labels, layout.rate_hz.into(), map, spec)?)
 }
 
-/// Returns the set of the montage's electrodes that are interpolated, and the set that are 0.
+/// Returns the set of the montage's electrodes that are interpolated, and the set of those whose
+/// values are 0.
 fn substitutes(map: &MontageMap) -> Substitutes {
     let bits = |wanted: fn(&Origin) -> bool| {
         let origins = (0..u64::BITS).zip(map.origins());

@@ -12,7 +12,8 @@ const SILENCE_S: f64 = 2.0;
 pub(crate) struct SourceFacts {
     /// Full name of the topic with the acquisition's frames.
     pub(crate) topic: String,
-    /// Whether the frames come from a stream of the Lab Streaming Layer, and `topic` names it.
+    /// Whether the frames come from a stream of the Lab Streaming Layer. If so, `topic` is the name
+    /// of the stream.
     pub(crate) is_stream: bool,
     /// Layout of the frames; `None` before the first frame that can be encoded.
     pub(crate) layout: Option<String>,
@@ -29,7 +30,7 @@ pub(crate) struct SourceFacts {
     pub(crate) dropped: u64,
     /// Time since the newest frame, seconds; `None` before the first.
     pub(crate) silent_s: Option<f64>,
-    /// Whether the acquisition does not number its frames.
+    /// Whether the acquisition sends frames without numbers.
     pub(crate) is_unnumbered: bool,
     /// Longest time that a sample waits for the resampler, seconds.
     pub(crate) delay_s: f64,

@@ -9,8 +9,8 @@ use thiserror::Error;
 
 use crate::exclusions::Exclusions;
 
-/// First bytes of a recording made by corticode-bridge, which holds the frames that host and board
-/// sent, with times.
+/// First bytes of a recording made by corticode-bridge. Such a recording is not a file of codes: it
+/// holds the frames that host and board sent, each with its time.
 const BRIDGE_RECORDING: &[u8] = b"CORTIREC";
 /// Number of bytes read at a time.
 const PIECE: usize = 1 << 16;
@@ -43,7 +43,7 @@ pub enum CodeFileError {
         "it holds no code; the shortest recording that yields a code is one window long ({0} steps)"
     )]
     NoCodes(usize),
-    /// The file contains only codes of the other kind. Holds the kind to decode.
+    /// The file contains only codes of another kind than the wanted one. Holds the wanted kind.
     #[error("it holds no {}, and {} in their place: decode these with --stream {}", .0.names().0, .0.other().names().0, .0.other().names().1)]
     OtherKind(CodeKind),
     /// The first code comes before the `Hello` and `Capabilities` of the device.
@@ -114,7 +114,7 @@ pub enum CodeFileError {
     Version(u8),
 }
 
-/// Kind of the codes in a file.
+/// Kind of the codes in a file: codes of the network, or packed blocks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CodeKind {
     /// Codes of the network.
@@ -192,7 +192,7 @@ impl Announcement {
 /// One code of a file: a code of the network or a packed block.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct FileCode {
-    /// Index of the window in its run.
+    /// Index of the window or of the packed block, counted from the `Start` of the streams.
     pub(crate) window: u32,
     pub(crate) flags: Flags,
     pub(crate) content: Content,
@@ -235,7 +235,7 @@ pub(crate) struct CodeFile<R> {
     announcement: Option<Announcement>,
     /// Kind of the codes that are returned; if `None`, the first code of the file determines it.
     kind: Option<CodeKind>,
-    /// Number of codes skipped so far because they are of the other kind.
+    /// Number of codes skipped so far because they are not of the wanted kind.
     left_out: u64,
     at_start: bool,
     last: Option<u32>,
@@ -245,8 +245,8 @@ pub(crate) struct CodeFile<R> {
 
 impl<R: Read> CodeFile<R> {
     /// Creates a reader that returns the codes of `kind`; if `None`, of the kind that comes first.
-    /// It refuses codes of another model than `model`, and gaps of more than `windows_per_hour`
-    /// windows.
+    /// The reader refuses codes of another model than `model`, and gaps of more than
+    /// `windows_per_hour` windows.
     pub(crate) fn new(
         source: R,
         model: ModelId,
@@ -287,13 +287,12 @@ impl<R: Read> CodeFile<R> {
         counters.resyncs.saturating_add(counters.malformed)
     }
 
-    /// Returns the number of codes skipped so far because they are of the other kind.
+    /// Returns the number of codes skipped so far because they are not of the wanted kind.
     pub(crate) fn left_out(&self) -> u64 {
         self.left_out
     }
 
-    /// Returns the wanted kind of codes if all codes so far are of the other kind; otherwise
-    /// `None`.
+    /// Returns the wanted kind of codes if all codes so far are of another kind; otherwise `None`.
     pub(crate) fn missing_kind(&self) -> Option<CodeKind> {
         self.kind.filter(|_| self.left_out > 0 && self.last.is_none())
     }
@@ -365,7 +364,8 @@ impl<R: Read> CodeFile<R> {
         }
     }
 
-    /// Returns whether a code is of the kind that is returned; if not, counts it as skipped.
+    /// Returns whether a code is of the wanted kind; if not, counts it as skipped. The first code
+    /// of the file determines the kind if none was chosen.
     fn is_wanted(&mut self, code: &FileCode) -> bool {
         let kind = code.content.kind();
         let is_wanted = *self.kind.get_or_insert(kind) == kind;

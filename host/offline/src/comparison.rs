@@ -77,9 +77,10 @@ pub fn settling_s() -> u32 {
 pub struct Excerpt {
     /// Row of the excerpt's first step, counted from the start of the signal.
     pub first_row: u64,
-    /// Original signal at these steps, uV; one entry for each step, with all electrodes.
+    /// Original signal at the steps of the excerpt, uV; one entry for each step, with the values of
+    /// all electrodes.
     pub original_uv: Vec<Vec<f32>>,
-    /// Decoded signal at the same steps, uV, in the same layout.
+    /// Decoded signal at the steps of `original_uv`, uV, in the same layout.
     pub decoded_uv: Vec<Vec<f32>>,
 }
 
@@ -104,7 +105,7 @@ impl Comparison {
         sum(self.electrodes.iter())
     }
 
-    /// Returns the sums over those electrodes that the recording has.
+    /// Returns the sums over the measured electrodes: those that the recording has.
     pub fn total_measured(&self) -> ElectrodeSums {
         let electrodes = self.electrodes.iter().zip(&self.origins);
         sum(electrodes

@@ -25,7 +25,8 @@ use crate::survey::Survey;
 /// Length of the excerpt that is kept for a picture, seconds.
 const EXCERPT_S: u64 = 4;
 /// Largest permitted difference between the lengths of a recording and of its decoded signal,
-/// seconds. They differ because the last steps do not fill a hop.
+/// seconds. The decoded signal is shorter, because the last samples of the recording do not fill a
+/// hop.
 const LENGTH_TOLERANCE_S: f64 = 0.5;
 
 /// Options for decoding files of codes.

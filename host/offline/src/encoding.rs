@@ -18,7 +18,8 @@ use crate::played::{Played, first_channels};
 use crate::progress::Progress;
 use device::Device;
 
-/// Frames are written to the file as soon as they have at least this many bytes.
+/// Frames are collected until they have at least this many bytes in total, and then written to the
+/// file.
 const PIECE: usize = 1 << 16;
 
 /// What a file of codes holds.

@@ -46,7 +46,7 @@ pub enum OfflineError {
         path = .0.display()
     )]
     OtherOriginal(PathBuf, ModelId),
-    /// The name of an output cannot be used.
+    /// The name of an output cannot be used, or the output cannot be created or completed.
     #[error(transparent)]
     NewFile(#[from] NewFileError),
     /// An output cannot be written.
@@ -80,7 +80,7 @@ impl OfflineError {
     }
 
     /// Returns the exit status of a program: 1 if writing an output failed or the user ended the
-    /// program; 2 if an input, or the name or the format of an output cannot be used.
+    /// program; 2 if an input, the name of an output or the format of an output cannot be used.
     pub fn exit_status(&self) -> u8 {
         match self {
             Self::Write(..)

@@ -41,7 +41,8 @@ impl Exclusions {
         begun.checked_sub(1).map_or(0, |newest| self.0[newest].excluded)
     }
 
-    /// Returns all stretches in a signal of `rows` rows, ordered by electrode.
+    /// Returns the stretches of rows at which each electrode was excluded, ordered by electrode.
+    /// The signal has `rows` rows.
     pub(crate) fn stretches(&self, electrodes: usize, rows: u64) -> Vec<Stretch> {
         let mut stretches = Vec::new();
         for electrode in 0..electrodes.min(64) {

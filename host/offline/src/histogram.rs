@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-/// Number of bins of the histogram.
+/// Number of bins of a [`LevelHistogram`].
 pub const BINS: usize = BIN_COUNT as usize;
 const BIN_COUNT: u8 = 64;
 /// Initial [`LevelHistogram::span`], levels: the bins first cover the range of an 8-bit code.
@@ -23,7 +23,7 @@ pub struct LevelHistogram {
 }
 
 impl LevelHistogram {
-    /// Creates an empty histogram of codes whose format can hold `range`.
+    /// Creates an empty histogram of codes whose format can hold the levels in `range`.
     pub(crate) fn new(range: RangeInclusive<i32>) -> Self {
         Self { span: SMALLEST_SPAN, bins: [0; BINS], at_ends: 0, range }
     }

@@ -13,7 +13,8 @@ use crate::error::OfflineError;
 /// One hop of decoded steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct DecodedHop<'a> {
-    /// Index of the hop's first row, counted from the start of the run; a row is a step.
+    /// Index of the hop's first row, counted from the first row of the decoded signal; a row is a
+    /// step.
     pub(crate) first_row: u64,
     /// Microvolts: the values of all electrodes at the first step, then at the next, and so on.
     pub(crate) uv: &'a [f32],
@@ -36,7 +37,7 @@ pub(crate) struct Hops<'d> {
     windows: u32,
     /// Dequantised values of the code that is being decoded.
     z: Vec<f32>,
-    /// Microvolts of the hop that is passed to `emit`.
+    /// Values of the hop that is passed to `emit`, microvolts.
     uv: Vec<f32>,
 }
 
@@ -96,8 +97,8 @@ impl<'d> Hops<'d> {
         Ok(())
     }
 
-    /// Passes the hop that the next window completes to `emit`. `values` are the window's decoded
-    /// microvolts, `None` for a missing window.
+    /// Completes one hop with the next window, and passes the hop to `emit`. `values` are the
+    /// decoded values of the window, microvolts; `None` for a missing window.
     fn complete(
         &mut self,
         values: Option<Vec<f32>>,
@@ -176,7 +177,8 @@ impl PackedHops {
         Ok(self.overlap.malformed())
     }
 
-    /// Decodes the next block, `None` for a missing one.
+    /// Decodes the next block, and passes the hop that the block completes to `emit`. `block` is
+    /// `None` if the block is missing.
     fn complete(
         &mut self,
         block: Option<(&[u8], u8)>,

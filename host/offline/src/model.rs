@@ -23,7 +23,7 @@ impl Model {
     /// Reads the model that is built into this program.
     ///
     /// # Errors
-    /// [`OfflineError::Model`] if its decoder needs more input than the code.
+    /// [`OfflineError::Model`] if the model's decoder needs other input in addition to the code.
     pub fn embedded() -> Result<Self, OfflineError> {
         Artifact::from_files(FILES)
             .and_then(|artifact| Self::new(&artifact))
@@ -33,8 +33,8 @@ impl Model {
     /// Reads the model in a folder.
     ///
     /// # Errors
-    /// [`OfflineError::Model`] if the folder holds no valid model, or its decoder needs more input
-    /// than the code.
+    /// [`OfflineError::Model`] if the folder holds no valid model, or if the model's decoder needs
+    /// other input in addition to the code.
     pub fn read(folder: &Path) -> Result<Self, OfflineError> {
         Artifact::read(folder)
             .and_then(|artifact| Self::new(&artifact))

@@ -73,7 +73,7 @@ fn bits(map: &MontageMap, wanted: impl Fn(&Origin) -> bool) -> u64 {
     electrodes.fold(0, |bits, (electrode, _)| bits | 1 << electrode)
 }
 
-/// Computes the steps of a recording after the filters, still before their conversion to int8.
+/// Computes the filtered steps of a recording, before their conversion to int8.
 pub(crate) struct Original {
     path: PathBuf,
     pub(crate) played: Played,
@@ -97,7 +97,7 @@ impl Original {
     /// Returns the filtered values of the next step, microvolts; `None` at the recording's end.
     ///
     /// # Errors
-    /// [`OfflineError::Recording`] if the rest cannot be read.
+    /// [`OfflineError::Recording`] if the rest of the recording cannot be read.
     pub(crate) fn next_step(&mut self) -> Result<Option<[f32; ELECTRODES]>, OfflineError> {
         while let Some(counts) = self.played.adc.next() {
             let counts =

@@ -23,7 +23,7 @@ impl Progress {
         self.interrupted.store(true, Ordering::Relaxed);
     }
 
-    /// Adds a second of signal.
+    /// Counts one more second of processed signal.
     ///
     /// # Errors
     /// [`OfflineError::Interrupted`] after [`Self::interrupt`].

@@ -16,9 +16,9 @@ const LAST_TEXT_TYPE: usize = 0x00fe;
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct RowEvents {
     pub(crate) rows: Vec<RowEvent>,
-    /// Texts of events with the GDF types assigned to them, which count from 1.
+    /// Texts of events, each with the GDF type assigned to it. The types count from 1.
     pub(crate) types: Vec<(String, u16)>,
-    /// Number of omitted events, which are outside the decoded signal.
+    /// Number of events that are omitted, because they are outside the decoded signal.
     pub(crate) outside: usize,
     /// Number of events for whose text no GDF type is left.
     pub(crate) untyped: usize,
@@ -58,8 +58,8 @@ impl RowEvents {
         let labels = &description.montage.electrodes;
         let stretches = (survey.exclusions).stretches(labels.len(), survey.rows(description));
         events.rows.extend(stretches.into_iter().map(|stretch| RowEvent {
-            // The name of a signal after `@@` says that an annotation is about this signal
-            // alone (https://www.edfplus.info/specs/edftexts.html).
+            // In the text of an annotation, the name of a signal after `@@` means that the
+            // annotation is about this signal alone (https://www.edfplus.info/specs/edftexts.html).
             text: format!("substituted@@{}", labels[stretch.electrode]),
             rows: stretch.rows,
             kind: None,

@@ -22,11 +22,11 @@ pub(crate) struct Survey {
     pub(crate) announcement: Announcement,
     /// Kind of the codes that are decoded.
     pub(crate) kind: CodeKind,
-    /// Number of codes of the other kind, which are not decoded.
+    /// Number of codes that are not decoded, because they are not of the kind `kind`.
     pub(crate) left_out: u64,
     /// Number of codes that are decoded.
     pub(crate) codes: u64,
-    /// Number of windows from the start of the run to the last code, including missing windows.
+    /// Number of windows from window 0 to the window of the last code, including missing windows.
     pub(crate) windows: u32,
     pub(crate) gaps: Vec<Gap>,
     pub(crate) exclusions: Exclusions,

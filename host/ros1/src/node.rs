@@ -244,7 +244,7 @@ impl Node {
         of_topic.collect()
     }
 
-    /// Asks the master which nodes publish topics and provide services.
+    /// Asks the master which nodes publish topics, subscribe to topics and provide services.
     ///
     /// # Errors
     /// All variants of [`CallError`].

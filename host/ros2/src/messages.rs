@@ -40,7 +40,8 @@ pub struct Time {
 }
 
 impl From<neuro_ros::Stamp> for Time {
-    /// ROS 2 can represent times until 2038; a later time becomes the last one.
+    /// ROS 2 can represent times until 2038; a later time becomes the last one that it can
+    /// represent.
     fn from(stamp: neuro_ros::Stamp) -> Time {
         match i32::try_from(stamp.secs) {
             Ok(sec) => Time { sec, nanosec: stamp.nsecs },
@@ -190,7 +191,7 @@ messages! {
 /// Response of the service `ros2neuro_msgs/GetAcquisitionInfo`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct GetAcquisitionInfo {
-    /// Whether the other fields are known.
+    /// Whether the other fields are valid.
     pub result: bool,
     /// Model name of the device.
     pub device_model: String,

@@ -122,8 +122,8 @@ impl Presence {
     }
 
     /// Counts the subscribers and other publishers of each topic every 100 ms. Messages wait until
-    /// as many subscribers as `expected` are there, at most [`RETURN`], and then [`SETTLE`].
-    /// Returns when the node must join its domain again.
+    /// there are as many subscribers as `expected`, but no longer than [`RETURN`], and then for
+    /// another [`SETTLE`]. Returns when the node must join its domain again.
     async fn watch(&self, expected: &mut Option<Vec<usize>>, continued: &mut Signal) {
         let participant = lock(&self.place).participant.clone();
         let until = Instant::now() + RETURN;
@@ -251,7 +251,8 @@ fn join(
 ) -> Result<(Place, Life), Ros2Error> {
     let participant = domain.join()?;
     let context = Context::from_domain_participant(participant.clone())?;
-    // A sink publishes the log on /rosout, because ros2-client would log each line again.
+    // Keep ros2-client off /rosout: a sink publishes the log there, and ros2-client would log each
+    // message again.
     let options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
     let node = context.new_node(name.clone(), options);
     let node = node.map_err(Ros2Error::network)?;

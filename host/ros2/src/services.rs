@@ -74,12 +74,12 @@ struct Service<Response: Message> {
 enum Mapping<Response: Message> {
     /// Header and payload as with Fast DDS and Connext.
     Standard(Server<Empty, Response>),
-    /// As with Cyclone DDS. ros2-client's own mapping for it also sends the standard header, so
-    /// that replies in fragments do not arrive.
+    /// Header and payload as with Cyclone DDS. ros2-client's own mapping for Cyclone DDS also sends
+    /// the standard header; replies that are sent in fragments then do not arrive.
     Cyclone { requests: Subscription<Numbered<Empty>>, replies: Publisher<Numbered<Response>> },
 }
 
-/// The services of a node in its domain.
+/// The services of an acquisition node: start, stop, quit and `get_info`.
 pub(crate) struct Services {
     commands: [(AcquisitionCommand, Service<Empty>); 3],
     info: Service<GetAcquisitionInfo>,
@@ -148,7 +148,7 @@ impl<Response: Message + 'static> Service<Response> {
         })
     }
 
-    /// Answers each call with what `answer` returns.
+    /// Answers calls until the task ends, each with what `answer` returns.
     async fn answer_all(&self, answer: impl Fn() -> Response) {
         loop {
             if let Err(error) = self.answer_next(&answer).await {
@@ -157,8 +157,8 @@ impl<Response: Message + 'static> Service<Response> {
         }
     }
 
-    /// Waits until the node has found the caller's reader of replies, which can be later than the
-    /// call, but not longer than 2 s. A reply sent earlier would be lost.
+    /// Waits until the node has found the caller's reader of replies, for at most 2 s. The node can
+    /// find this reader later than the call arrives, and a reply sent before that would be lost.
     async fn wait_for(&self, caller: GUID) {
         for attempt in 0..=FIND_ATTEMPTS {
             let readers = self.participant.discovered_readers();

@@ -17,7 +17,8 @@ const DEPTH: usize = 256;
 /// What a topic promises its subscribers: its reliability and durability, as ROS 2 names them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Delivery {
-    /// Reliable and volatile: lost packets are sent again. Serves both kinds of subscribers.
+    /// Reliable and volatile: lost packets are sent again. Serves reliable and best-effort
+    /// subscribers.
     Reliable,
     /// Best effort and volatile, as for sensor data: a lost packet is a lost message. Reliable
     /// subscribers receive nothing.
@@ -50,9 +51,9 @@ impl Delivery {
 /// Sink for the messages of one topic; created by [`Ros2Node::sink`](crate::Ros2Node::sink).
 ///
 /// [`Sink::publish`] never waits. A message is dropped, for all subscribers, if a reliable
-/// subscriber has acknowledged none of the newest 8192. A subscriber whose process stands still is
-/// removed after its lease, 10 to 20 s for usual ROS 2 nodes; the others lose nothing by it. After
-/// the node's own process stood still, up to 8192 messages wait until subscribers are back; later
+/// subscriber has acknowledged none of the newest 8192. A subscriber whose process is stopped is
+/// removed after its lease, 10 to 20 s for usual ROS 2 nodes, without any loss for the others. If
+/// the node's own process was stopped, up to 8192 messages wait until subscribers are back; later
 /// ones are dropped.
 pub struct Ros2Sink<M: Ros2Message>(pub(crate) Arc<Topic<M>>);
 

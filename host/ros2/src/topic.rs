@@ -16,9 +16,9 @@ use crate::presence::Place;
 use crate::sink::Delivery;
 
 /// Largest number of messages of a topic that wait for the node to join its domain again; later
-/// messages are dropped. A writer keeps the same number for its subscribers.
+/// messages are dropped. A DDS writer stores up to the same number of messages for its subscribers.
 const MAX_WAITING: usize = 8192;
-/// Age of the newest beat from which on the process may have been stopped.
+/// If the newest beat is older than this, the process may have been stopped.
 const STALE: Duration = Duration::from_secs(1);
 
 /// Time of the newest sign of life of the node's thread. Messages wait while it is missing or old.
@@ -40,14 +40,14 @@ impl Pulse {
     }
 }
 
-/// Numbers of a topic's subscribers and of its other publishers, by the newest count.
+/// Numbers of a topic's subscribers and of its other publishers, as counted last.
 #[derive(Default)]
 pub(crate) struct Others {
     pub(crate) subscribers: AtomicUsize,
     pub(crate) publishers: AtomicUsize,
 }
 
-/// Operations on a topic with messages of any type.
+/// The operations on a topic that do not depend on the type of its messages.
 pub(crate) trait AnyTopic: Send + Sync {
     fn name(&self) -> &str;
     /// Returns whether no other node may publish on the topic.
@@ -61,7 +61,7 @@ pub(crate) trait AnyTopic: Send + Sync {
     fn waiting(&self) -> usize;
 }
 
-/// A topic with messages of the type `M`.
+/// A topic of the node, with the writer that sends its messages.
 pub(crate) struct Topic<M: Ros2Message> {
     name: String,
     delivery: Delivery,
@@ -72,7 +72,8 @@ pub(crate) struct Topic<M: Ros2Message> {
 
 struct Writer<M: Ros2Message> {
     publisher: Publisher<M::Message>,
-    /// Keeps the node in its domain until the last sink is dropped, which announces its departure.
+    /// Keeps the node in its domain as long as any sink exists. When the last sink is dropped, the
+    /// node announces that it leaves.
     participant: DomainParticipant,
     waiting: VecDeque<M::Message>,
     /// The newest message of a [`Delivery::Latched`] topic.
@@ -103,7 +104,7 @@ impl<M: Ros2Message> Topic<M> {
         })
     }
 
-    /// Publishes the message, or lets it wait while the node is not in its domain.
+    /// Publishes the message, or queues it while the node is not in its domain.
     pub(crate) fn publish(&self, message: M::Message) -> Result<(), SinkError> {
         let mut writer = lock(&self.writer);
         if self.delivery == Delivery::Latched {

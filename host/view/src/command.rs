@@ -14,7 +14,7 @@ pub enum Command {
     Start,
     /// `/stop`: stop the streams of the device.
     Stop,
-    /// `/record` with `start`: begin a recording of the wire.
+    /// `/record` with `start`: begin to record the bytes between bridge and device.
     Record,
     /// `/record` with `stop`: end the recording.
     EndRecording,
@@ -36,11 +36,11 @@ pub enum Command {
 /// Who decides whether an electrode is excluded from the codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Decision {
-    /// The user: it is always excluded.
+    /// The user decides: the electrode is always excluded.
     Always,
-    /// The user: it is never excluded.
+    /// The user decides: the electrode is never excluded.
     Never,
-    /// The device: it is excluded while the device finds it bad.
+    /// The device decides: the electrode is excluded while the device finds it bad.
     Automatic,
 }
 
@@ -188,7 +188,8 @@ mod tests {
             ("/rate", "256"),
         ] {
             let parsed = parse(path, body).expect("a command's path");
-            // A label may contain a comma here; the program, which knows all labels, refuses it.
+            // The parser accepts a comma in a label; the program, which knows all labels, refuses
+            // such a label.
             assert_eq!(parsed.is_err(), body != "Cz,Fz always", "{path} {body}");
         }
         assert_eq!(Command::parse("/marker", &[0xff]).map(|of| of.is_err()), Some(true));

@@ -5,7 +5,8 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncReadExt as _};
 use tokio::time::timeout;
 
-/// Longest accepted head of a request, bytes. Browsers send about 600 bytes; 64 labels add 400.
+/// Longest accepted head of a request, bytes. Browsers send about 600 bytes; the query of `/places`
+/// with 64 electrode labels adds 400.
 const MAX_HEAD: usize = 8 * 1024;
 /// Longest accepted body of a request, bytes: a marker of 200 characters takes at most 800.
 const MAX_BODY: usize = 1024;
@@ -62,7 +63,7 @@ impl Request {
     /// # Errors
     ///
     /// [`Refusal`] if the head is malformed, or head or body are too long. A body whose length is
-    /// not stated is too long.
+    /// not stated counts as too long.
     pub fn from_bytes(bytes: &[u8]) -> Option<Result<Request, Refusal>> {
         let within = &bytes[..bytes.len().min(MAX_HEAD)];
         let Some(end) = within.windows(4).position(|four| four == b"\r\n\r\n") else {
@@ -101,7 +102,7 @@ async fn read_all(stream: &mut (impl AsyncRead + Unpin)) -> Option<Result<Reques
     }
 }
 
-/// Reads a head. Returns the request without its body, and the length of the body.
+/// Parses the head of a request. Returns the request without its body, and the length of the body.
 fn parse(head: &str) -> Result<(Request, usize), Refusal> {
     let mut lines = head.split("\r\n");
     let mut first = lines.next().unwrap_or_default().split(' ');

@@ -20,10 +20,10 @@ use crate::request::{
 };
 use crate::token::Token;
 
-/// Largest number of connections that are served at a time. A further one replaces the oldest of
-/// those whose request has not arrived.
+/// Largest number of connections that are served at the same time. A further connection replaces
+/// the oldest one whose request has not arrived yet.
 const MAX_CONNECTIONS: usize = 64;
-/// Largest number of pages that receive messages at a time.
+/// Largest number of pages that receive messages at the same time.
 const MAX_VIEWERS: usize = 8;
 /// Time limit for a client to accept what is written. A page that was cut off connects again.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(5);
@@ -194,9 +194,9 @@ impl Server {
         }
     }
 
-    /// Returns whether the server accepts requests that name it `host`. On loopback these are its
-    /// address and `localhost` only, because any site can make its own name resolve to this
-    /// machine. Elsewhere any name is accepted, because the token protects the server.
+    /// Returns whether the server accepts requests whose field `Host` is `host`. On loopback it
+    /// accepts only its address and `localhost`, because any site can make its own name resolve to
+    /// this machine. Elsewhere it accepts any name, because the token protects the server.
     fn is_own_host(&self, host: &str) -> bool {
         let local = format!("localhost:{}", self.address.port());
         !self.address.ip().is_loopback() || host == self.address.to_string() || host == local

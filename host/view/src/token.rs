@@ -5,7 +5,8 @@ use std::str::FromStr;
 
 use thiserror::Error;
 
-/// Allowed lengths of a token, in characters. 16 random characters of 64 have 96 bits.
+/// Allowed lengths of a token, in characters. 16 random characters from a set of 64 have 96 bits of
+/// entropy.
 const LENGTH: std::ops::RangeInclusive<usize> = 16..=128;
 
 /// Secret of the users who may send commands, and who may view from another machine.

@@ -1,7 +1,7 @@
 //! The 64-bit accumulator of a filter section. A Cortex-M adds a product to it with one instruction
 //! (SMLAL).
 
-/// 64-bit sum in Q32. Once all products have been added, the high word is the section's output and
+/// 64-bit sum in Q32. After all products have been added, the high word is the section's output and
 /// the low word its rounding error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Accumulator {

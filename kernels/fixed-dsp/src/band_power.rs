@@ -6,7 +6,7 @@ use crate::{
     section::Section,
 };
 
-/// Number of sections of the band-pass: a Butterworth band-pass of order 2 at each edge.
+/// Number of second-order sections of the band-pass, a Butterworth filter of order 2 at each edge.
 pub const BAND_SECTIONS: usize = 2;
 
 /// Number of levels for each doubling of a power: one level is 0.376 dB.
@@ -117,8 +117,8 @@ const THRESHOLDS: [u32; LEVELS_PER_OCTAVE as usize] = [
 pub fn level(power: u64) -> u8 {
     let power = power.max(1);
     let exponent = power.ilog2();
-    // The mantissa, in [2^31, 2^32), is truncated. A power above the lower end of a level by a
-    // factor below 1 + 2^-31 can therefore get the level below.
+    // The mantissa, in [2^31, 2^32), is truncated. If a power exceeds the lower end of a level by a
+    // factor below 1 + 2^-31, the result can therefore be the level below.
     let mantissa = (power << (63 - exponent) >> 32) as u32;
     let above = THRESHOLDS.iter().map(|end| u32::from(mantissa >= *end));
     let eighths = exponent * LEVELS_PER_OCTAVE + above.sum::<u32>();
@@ -155,7 +155,7 @@ mod tests {
         }
         // Outputs of the first signal: 1000, 0, -3000, 0, and then 4000 and -4000.
         let expected = [1_000_u64, 3_000, 4_000, 4_000].map(|y| y * y).iter().sum();
-        // The second signal's step: 1000, 1000, -1000, -1000 and then zeros.
+        // Outputs of the second signal, a step: 1000, 1000, -1000, -1000 and then zeros.
         assert_eq!(powers.take_levels(2), [level(expected), level(4_000_000)]);
         assert_eq!(powers.take_levels(2), [0, 0]);
     }

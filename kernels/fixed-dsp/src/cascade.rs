@@ -4,9 +4,10 @@ use crate::section::{Fractions, Section, SectionState};
 
 /// Coefficients of `N` sections in series, at most [`MAX_SECTIONS`], which all channels share.
 ///
-/// Overflow wraps. It is excluded if, for each section's output and each number that a section
-/// multiplies, the L1 norm of the impulse response from the input to it, times the largest input,
-/// is below 2^31. model-gen proves this for the cascades that it generates.
+/// Overflow wraps. No overflow occurs if, for each section's output and for each number that a
+/// section multiplies, the L1 norm of the impulse response from the cascade's input to this number,
+/// times the largest input, is below 2^31. model-gen proves this for the cascades that it
+/// generates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cascade<const N: usize> {
     /// Sections in the order in which the signal passes them.

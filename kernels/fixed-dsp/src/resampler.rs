@@ -5,8 +5,9 @@
 ///
 /// The underlying low-pass has `PHASES * TAPS` taps at `PHASES` times the input rate; each output
 /// needs `TAPS` of these taps. Output `m` is the signal at time `m * down / PHASES`, in input
-/// intervals after the first sample. It is computed from the input samples up to that time; its
-/// phase is the time since the newest of them, in 1 / `PHASES` of the input interval.
+/// intervals after the first sample. It is computed from the input samples up to that time. The
+/// phase of an output is the time since the newest of these samples, in 1 / `PHASES` of the input
+/// interval.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Resampler<const PHASES: usize, const TAPS: usize> {
     /// Number of input samples for every `PHASES` output samples; at least `PHASES`.
@@ -18,7 +19,8 @@ pub struct Resampler<const PHASES: usize, const TAPS: usize> {
 /// When a resampler's next output is due.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Position {
-    /// Time from the next input sample to the next output, in 1 / `PHASES` of the input period.
+    /// Time from the next input sample to the next output, in units of the input period divided by
+    /// `PHASES`.
     ahead: u16,
 }
 

@@ -79,7 +79,7 @@ fn block_portable<O: Octet, const SEGMENTS: usize, const WIDTH: usize, const STR
 ) -> [i32; POSITIONS * OUTPUTS] {
     let mut sums = [O::zeros(); POSITIONS];
     for (segment, weights) in inputs.into_iter().zip(weights.chunks_exact(OUTPUTS * WIDTH)) {
-        // Arrays of known length save the bounds checks in the loop below.
+        // The known lengths of these arrays make bounds checks in the loop below unnecessary.
         let positions: [&[Pair; WIDTH]; POSITIONS] = core::array::from_fn(|position| {
             let inputs = &segment[position * STRIDE..][..WIDTH];
             &inputs.as_chunks().0[0]

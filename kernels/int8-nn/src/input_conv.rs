@@ -158,9 +158,9 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
         }
     }
 
-    /// Copies the 27 inputs of each position side by side (im2col), and a zero. The pairs in
-    /// columns 0 and 1 of each (time, row) come first, then the inputs in column 2, two rows to a
-    /// pair.
+    /// Copies the 27 inputs of each position and a zero side by side (im2col), as 14 pairs. The
+    /// first nine pairs hold columns 0 and 1 of each (time, row). The last five pairs hold column
+    /// 2, two rows in a pair, and the zero.
     fn gather_patches(&self, planes: [&[Pair]; 3], patches: &mut [Pair]) {
         /// Returns the number of inputs from the first to the last of a 3x3 patch, in memory order.
         const fn reach(columns: usize) -> usize {

@@ -46,8 +46,9 @@ pub struct Linear<'w> {
 }
 
 impl Linear<'_> {
-    /// Largest number of pairs of inputs. 256 products of at most 255 * 127 sum to less than 2^23,
-    /// so 256 times an odd sum fits 32 bits. If inputs exceed 255, callers must prove that it does.
+    /// Largest number of pairs of inputs: 256 inputs. 256 products of at most 255 * 127 sum to less
+    /// than 2^23, so 256 times the sum of an odd output still fits 32 bits. Callers with inputs
+    /// above 255 must prove that it fits.
     pub const MAX_INPUTS: usize = 128;
 
     /// Returns the number of pairs in the packed weights.
@@ -153,7 +154,8 @@ impl Linear<'_> {
                 (self.weights.get(source), packed.get_mut(target))
             {
                 *place = place.with(to % 2, weights.get()[from % 2]);
-                // Weights of the next four outputs follow the weights of all inputs for these four.
+                // The weights of four outputs for all inputs are stored together; the weights of
+                // the next four outputs follow.
                 source += self.inputs * OUTPUTS / 2;
                 target += inputs * OUTPUTS / 2;
             }
@@ -167,8 +169,8 @@ type Accumulate<'a> = (&'a [Pair], &'a [Pair], &'a mut [i32]);
 
 #[cfg(not(smlad))]
 impl Kernel for Accumulate<'_> {
-    /// The portable equivalent of the assembler. Each of the two "outputs" of an octet is a pair of
-    /// outputs here.
+    /// The portable equivalent of the assembler. Each of the two outputs of an octet stands for a
+    /// pair of outputs here.
     #[inline(always)]
     fn run<O: Octet>(self) {
         let (inputs, weights, accumulators) = self;

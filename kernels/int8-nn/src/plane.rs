@@ -1,6 +1,7 @@
 //! The shape of a plane, which is one time step of a layer's input or output.
 
-/// Numbers of rows, columns and channels of a plane. Each kernel documents its order in memory.
+/// Numbers of rows, columns and channels of a plane. Each kernel documents the order in which it
+/// stores a plane's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PlaneShape {
     /// Number of rows of positions.

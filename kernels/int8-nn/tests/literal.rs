@@ -82,8 +82,8 @@ struct Case {
     planes: Vec<Vec<i16>>,
 }
 
-/// Draws a convolution whose output has one to three rows and one to three pairs of channels after
-/// the pool; inputs are `low` to `high`.
+/// Draws a random convolution whose max-pooled output has one to three rows and one to three pairs
+/// of channels. Its inputs are from `low` to `high`.
 fn case(
     pairs: usize,
     columns: usize,
@@ -113,7 +113,8 @@ fn direct_case(pairs: usize, columns: usize) -> impl Strategy<Value = Case> {
 }
 
 impl Case {
-    /// Prepares each plane with `transform`, a method of the kernel, which fills `length` pairs.
+    /// Returns the planes, each transformed by `transform`, a method of the kernel that fills
+    /// `length` pairs.
     fn transformed(
         &self,
         input: PlaneShape,

@@ -38,7 +38,8 @@ impl Channel {
     pub(crate) fn start_key(&mut self, first: i32, order: Order, k: u32) {
         self.past = Past::after(first);
         self.order = order;
-        // 1.5 * 2^k, a typical mean of values for which k is optimal, times 16 as in `mean`.
+        // 1.5 * 2^k is a typical mean of values for which k is optimal; `mean` holds 16 times the
+        // mean.
         self.mean = 24 << k;
     }
 
@@ -69,8 +70,8 @@ impl Past {
         [x, d1, d2, d3]
     }
 
-    /// Returns the prediction of the next count: the count whose difference of this order is 0.
-    /// Wraps.
+    /// Returns the prediction of the next count: the count with which the next difference of this
+    /// order would be 0. Wraps.
     pub(crate) fn predicted(&self, order: Order) -> i32 {
         let Self { x, d1, d2 } = *self;
         match order {

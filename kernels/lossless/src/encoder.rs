@@ -4,7 +4,7 @@ use crate::block::{Block, Count, Kind, MAX_SAMPLES, SUM_BYTES, number, sum};
 use crate::channel::{Channel, Order, Past};
 use crate::rice;
 
-/// Number of samples after the first of a key block that do not count when the order is chosen,
+/// Number of samples, after the first sample of a key block, that the choice of the order ignores,
 /// because their differences would reach back before the block.
 const WARM_UP: usize = 2;
 
@@ -134,8 +134,8 @@ fn put_codes<const ORDER: usize>(
 fn choose(sizes: &mut [u32; 4], first: i32, after: impl Iterator<Item = Count>) -> (Order, u32) {
     let mut past = Past::after(first);
     let mut block = [0_u32; 4];
-    // Each block adds at most 7 * 2^26 to a size, and earlier blocks fade by a quarter with each
-    // block. So a size is at most 4 times as large, below 2^32.
+    // A size first loses a quarter, then grows by at most 7 * 2^26. It therefore never exceeds 4
+    // times this number, which is below 2^32.
     for size in &mut *sizes {
         *size -= *size >> 2;
     }
@@ -154,8 +154,9 @@ fn choose(sizes: &mut [u32; 4], first: i32, after: impl Iterator<Item = Count>) 
             best = order;
         }
     }
-    // A folded difference is about twice the absolute difference, and a block has 7, so the mean is
-    // 2/7 of the sum; 1/4 + 1/32 is close.
+    // A folded difference is about twice the absolute difference, and a block has 7 differences. So
+    // the mean of the folded differences is 2/7 of the sum of the absolute ones; 1/4 + 1/32 is
+    // close.
     let sum = block[best as usize];
     let mean = (sum >> 2) + (sum >> 5);
     (best, (mean | 1).ilog2().min(rice::MAX_K))
@@ -178,7 +179,8 @@ struct BitWriter<'b> {
 }
 
 impl<'b> BitWriter<'b> {
-    /// Creates a writer that fills the whole words of `room`.
+    /// Creates a writer that fills the complete 32-bit words of `room`, but not the bytes after
+    /// them.
     #[inline]
     fn new(room: &'b mut [u8]) -> Self {
         let (words, _) = room.as_chunks_mut();

@@ -5,13 +5,13 @@
 //! zeros would be [`ESCAPE`] or more, `ESCAPE` zeros and the count itself are written instead, so
 //! that no code is longer than 32 bits.
 
-/// Number of leading zeros that mark a count instead of a difference.
+/// Number of leading zeros that announce an unpredicted count instead of a difference.
 pub(crate) const ESCAPE: u32 = 8;
 
 /// Largest k; a code then takes at most `ESCAPE + 24` = 32 bits.
 pub(crate) const MAX_K: u32 = 24;
 
-/// Number of bits of a count.
+/// Number of bits of a count, which is written if the code of its difference would be too long.
 pub(crate) const COUNT_BITS: u32 = 24;
 
 /// Folds a difference to a natural number: 0, -1, 1, -2, .. become 0, 1, 2, 3, ..
@@ -25,13 +25,13 @@ pub(crate) const fn unfold(folded: u32) -> i32 {
     (folded >> 1).cast_signed() ^ -(folded & 1).cast_signed()
 }
 
-/// Returns the code of a folded difference: its bits and their number, 1 to 32. If the code would
-/// start with [`ESCAPE`] zeros or more, it holds `count` instead.
+/// Returns the code of a folded difference: its bits and their number, 1 to 32. If this code would
+/// start with [`ESCAPE`] zeros or more, returns the code that holds `count` instead.
 #[inline]
 pub(crate) const fn code(folded: u32, k: u32, count: i32) -> (u32, u32) {
     let zeros = folded >> k;
     if zeros < ESCAPE {
-        // The one, then the lowest k bits: 2^k + (folded - zeros * 2^k).
+        // The 1 bit that ends the zeros, then the lowest k bits: 2^k + (folded - zeros * 2^k).
         let bits = folded.wrapping_sub(zeros.wrapping_sub(1) << k);
         (bits, zeros + 1 + k)
     } else {

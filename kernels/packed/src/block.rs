@@ -6,7 +6,7 @@ use crate::range_coder::{RangeDecoder, RangeEncoder};
 use crate::rate::Rate;
 use crate::tables::{ESCAPE, FREQUENCY_BITS, Frequencies, MAGNITUDES, Tables};
 
-/// Largest number of ones at the start of an Elias gamma code; magnitudes are below 2^16.
+/// Largest number of ones at the start of an Elias gamma code, because magnitudes are below 2^16.
 const MAX_GAMMA_BITS: u32 = 15;
 
 /// Cumulative frequencies at which the three symbols that can start a block begin, and at which the
@@ -83,8 +83,8 @@ fn write_magnitude(
     }
 }
 
-/// Writes the Elias gamma code of a number of at least 1: a one for each bit after its leading bit,
-/// a zero, then these bits.
+/// Writes the Elias gamma code of a number of at least 1: a 1 for each bit after the number's
+/// leading bit, then a 0, then the bits after the leading bit.
 #[cold]
 fn write_gamma(number: u32, encoder: &mut RangeEncoder<'_>) {
     let bits = number.ilog2();
@@ -180,7 +180,7 @@ impl<'b> BlockReader<'b> {
     }
 }
 
-/// Error: the bytes are no block that an encoder with these tables and contexts can have written.
+/// Error: no encoder with these tables and contexts writes these bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Malformed;
 

@@ -1,5 +1,5 @@
 //! The context of a coefficient in the probability model: how large the coefficient's magnitude is
-//! expected to be. It chooses the table of probabilities that codes the magnitude.
+//! expected to be. The context chooses the table of probabilities that codes the magnitude.
 
 use crate::quantiser::{Magnitude, State};
 use crate::rate::Rate;
@@ -11,7 +11,7 @@ const LAST_LEVEL: i32 = 63;
 /// Amount that a magnitude of 1 adds to the [`Activity`].
 const ONE: u32 = 1024;
 
-/// Each coefficient reduces the [`Activity`] by 1 / 2^5 of its value.
+/// Each coefficient first reduces the [`Activity`] by 1 / 2^5 of the activity.
 const DECAY_BITS: u32 = 5;
 
 /// Sum of the magnitudes of a block's earlier coefficients, in which older coefficients count less;
@@ -21,8 +21,8 @@ const DECAY_BITS: u32 = 5;
 pub(crate) struct Activity(u32);
 
 impl Activity {
-    /// Activity before the first coefficient of a block: the limit of the activity for magnitudes
-    /// of 1/4 on average.
+    /// Activity before the first coefficient of a block: the value that the activity approaches if
+    /// magnitudes are 1/4 on average.
     pub(crate) const START: Self = Self(8 * ONE);
 
     /// Returns the activity after a coefficient with this magnitude.
@@ -208,8 +208,8 @@ mod tests {
             (most, least) = (most.after(u32::MAX), least.after(0));
         }
         assert!(most.0 < 1 << 19 && least.0 < ONE / 16, "{most:?} {least:?}");
-        // The expected activity, times 16, is at least 32 steps of the lowest level and at most 32
-        // steps of the highest one, and both are in the range of `inverse`.
+        // The expected activity times 16 is at least 32 times the step of the lowest level and at
+        // most 32 times the step of the highest level. Both are in the range of `inverse`.
         assert!(32 * EXPECTED_STEP[0] > 256 && 32 * EXPECTED_STEP[LEVELS - 1] < 1 << 23);
     }
 

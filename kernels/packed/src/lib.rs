@@ -1,4 +1,4 @@
-//! Blocks of predicted transform coefficients in few bits, in integers only.
+//! Codes blocks of transform coefficients in few bits, with a prediction and in integers only.
 //!
 //! A linear transform turns a block of a signal into coefficients, and a linear predictor estimates
 //! the coefficients from the previous block. This crate codes the difference: it chooses the
@@ -73,7 +73,8 @@ pub use trellis::{MAX_COEFFICIENTS, Survivors, quantise};
 /// represented.
 pub const PROBES: usize = 8;
 
-/// 2^`PROBE_SHIFT` is the ratio of the energy that is not represented to the energy of the probes.
+/// 2^`PROBE_SHIFT` is the expected ratio of the energy that a block's coefficients do not represent
+/// to the energy of the block's probes.
 pub const PROBE_SHIFT: u32 = 5;
 
 #[cfg(test)]

@@ -2,13 +2,14 @@
 
 use crate::tables::{FREQUENCY_BITS, Frequencies, MAGNITUDES};
 
-/// Smallest range between two symbols. While the range is smaller, a byte is written or read.
+/// Smallest range with which a symbol is coded. While the range is smaller, a byte is written or
+/// read.
 const LEAST_RANGE: u32 = 1 << 24;
 
 /// Writes symbols as one long number (Martin 1979), most significant byte first.
 ///
 /// The number so far is `bytes` followed by `low`. A carry out of `low` is added to the bytes at
-/// once. Bytes that do not fit the buffer are counted but not kept, so that the length does not
+/// once. Bytes that do not fit the buffer are counted but not stored, so that the length does not
 /// depend on the buffer.
 #[derive(Debug)]
 pub(crate) struct RangeEncoder<'b> {
@@ -153,7 +154,8 @@ impl<'b> RangeDecoder<'b> {
     }
 
     fn consume(&mut self, unit: u32, frequencies: Frequencies) {
-        // In bytes that no encoder writes, the offset can exceed the range; it then wraps.
+        // If no encoder wrote the bytes, the offset can exceed the range; the subtraction then
+        // wraps.
         self.offset = self.offset.wrapping_sub(unit.wrapping_mul(frequencies.start));
         self.range = unit.wrapping_mul(frequencies.count);
         while self.range < LEAST_RANGE {
@@ -179,8 +181,8 @@ mod tests {
     fn write_one_half(symbols: usize, bytes: &mut [u8]) -> usize {
         let mut encoder = RangeEncoder::new(bytes);
         for _ in 0..symbols {
-            // While no byte is written, one half is the top bit of `low`. Afterwards it is one
-            // above the largest `low`, which wraps to 0.
+            // Before a byte is written, one half corresponds to the top bit of `low`. Afterwards,
+            // one half is one more than the largest `low`, which wraps to 0.
             let half = if encoder.length == 0 { 1_u32 << 31 } else { 0 };
             let to_half = half.wrapping_sub(encoder.low);
             let unit = encoder.range >> FREQUENCY_BITS;

@@ -53,7 +53,7 @@ impl Rate {
         self.0
     }
 
-    /// Returns the rate that is `coarser` steps of 3 dB coarser, at most [`Self::COARSEST`].
+    /// Returns the rate that is coarser by `coarser` times 3 dB, at most [`Self::COARSEST`].
     #[must_use]
     pub fn coarser(self, coarser: u8) -> Self {
         Self(self.0.saturating_add(coarser)).min(Self::COARSEST)

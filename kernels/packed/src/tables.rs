@@ -16,7 +16,8 @@ pub const FREQUENCY_BITS: u32 = 15;
 /// squared error of 0.3 squared steps.
 pub(crate) const BIT_COST: i32 = 1229;
 
-/// First of the frequencies of each magnitude in the range coder: `[quantiser][level][magnitude]`.
+/// Start of each magnitude's interval in the range coder (cumulative frequency):
+/// `[quantiser][level][magnitude]`.
 pub type Starts = [[[u16; MAGNITUDES]; LEVELS]; 2];
 
 /// Length of each magnitude's code in 1/16 bit: `[quantiser][level][magnitude]`.
@@ -25,8 +26,9 @@ pub type Costs = [[[u8; MAGNITUDES]; LEVELS]; 2];
 /// Probabilities of the magnitudes, and the lengths of their codes.
 #[derive(Clone, Copy, Debug)]
 pub struct Tables<'t> {
-    /// First of the frequencies of each magnitude, ascending from 0. A magnitude's frequencies end
-    /// where those of the next magnitude begin, or at 2^15. Every magnitude has at least one.
+    /// First frequency of each magnitude (cumulative frequency), ascending from 0. A magnitude's
+    /// frequencies end where those of the next magnitude begin, or at 2^15. Every magnitude has at
+    /// least one frequency.
     pub starts: &'t Starts,
     /// Length of each magnitude's code in 1/16 bit, including the sign, but without the Elias gamma
     /// code of large magnitudes.

@@ -61,8 +61,8 @@ pub fn quantise(
     }
 }
 
-/// Returns the magnitude of a quantiser's largest point that is not above `value`, which is in
-/// 1/256 of a step.
+/// Returns the magnitude of the largest point of a quantiser that does not exceed `value`, in 1/256
+/// of a step.
 #[inline(always)]
 fn lower_magnitude(value: i32, quantiser: i32) -> i32 {
     ((value >> 8) + quantiser) >> 1
@@ -74,8 +74,8 @@ fn lower_magnitude(value: i32, quantiser: i32) -> i32 {
 struct Candidates {
     even: Candidate,
     odd: Candidate,
-    /// Squared error of magnitude 0 if it can replace `even`, otherwise more than the cost of every
-    /// path.
+    /// Squared error of magnitude 0 if magnitude 0 can replace `even`, otherwise a value above the
+    /// cost of every path.
     zero_error: i32,
 }
 
@@ -187,7 +187,8 @@ impl Paths {
     /// returns which path survived in each state.
     #[inline(always)]
     fn extend(&mut self, value: i32, context: Context, tables: &Tables<'_>) -> Survivors {
-        // Quantiser 0 leads from states 0 and 1 to 0 and 2, quantiser 1 from 2 and 3 to 1 and 3.
+        // Quantiser 0 leads from states 0 and 1 to states 0 and 2, quantiser 1 from states 2 and 3
+        // to states 1 and 3.
         let [zero, two] = self.extend_quantiser::<0>(value, context, tables);
         let [one, three] = self.extend_quantiser::<1>(value, context, tables);
         let ways = [zero, one, two, three];

@@ -69,7 +69,7 @@ pub fn every_variant() -> Vec<(Mode, Padding, [usize; 3])> {
     for padding in [Padding::None, Padding::Space, Padding::All] {
         variants.push((Mode::Paper, padding, [2, 2, 2]));
         for pool in [[2, 2, 2], [1, 2, 2], [2, 3, 3], [4, 2, 2], [2, 1, 1], [2, 2, 1]] {
-            // With padding in time, a model may not have pools of four steps: overlapping windows
+            // With padding in time, pools of four steps are not permitted: overlapping windows
             // would share too few pools.
             if !(padding.pads_time() && pool[0] == 4) {
                 variants.push((Mode::PaperCodeOnly, padding, pool));
@@ -147,7 +147,7 @@ fn with_any_substitution(seed: u32, artifact: Artifact) -> Result<Artifact, Arti
 /// Size of a model: scalp grid, electrodes, window, hop and code.
 #[derive(Clone, Copy, Debug)]
 pub struct Size {
-    /// Rows and columns of the scalp grid.
+    /// Numbers of rows and columns of the scalp grid.
     pub grid: [usize; 2],
     /// Number of electrodes, evenly distributed over the cells of the grid.
     pub electrodes: usize,

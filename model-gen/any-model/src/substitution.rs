@@ -8,7 +8,7 @@ use artifact::{
 use crate::Noise;
 
 /// Returns the table of a random inverse covariance, `P = A A' / n + I / 4` with uniform random
-/// numbers in `A`. P is positive definite, so repeated predictions of bad electrodes converge as
+/// numbers in `A`. P is positive definite, so the sweeps that substitute bad electrodes converge as
 /// with a trained table.
 pub(crate) fn any_substitution(seed: u32, description: &Description) -> SubstitutionTable {
     let electrodes = description.montage.electrodes.len();

@@ -9,7 +9,8 @@ impl Source {
     pub(super) fn resampler(&mut self, table: &ResamplerTable) {
         self.line(format_args!(
             "\
-/// Resampler from the ADC's rate to the step rate, after any of the filters.
+/// Resampler from the ADC's rate to the step rate; it follows the filters of either mains
+/// frequency.
 pub static RESAMPLER: Resampler<PHASES, TAPS> = Resampler {{
     down: {},
     taps: [",

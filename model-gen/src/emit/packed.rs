@@ -20,7 +20,7 @@ pub const PACKED: Option<Packed<'static>> = None;
             );
             return;
         };
-        // Write the imports only here: without a packed model they are unused.
+        // Write the imports only if there is a packed model; otherwise they would be unused.
         self.line(
             "\
 use ::packed::Tables;

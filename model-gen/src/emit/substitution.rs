@@ -16,7 +16,7 @@ pub const SUBSTITUTION: Option<Substitution<'static>> = None;",
             );
             return;
         };
-        // Write the import only here: without a table it is unused.
+        // Write the import only if there is a table; otherwise it would be unused.
         self.line("\nuse crate::shapes::{ELECTRODE_OUTPUTS, ELECTRODE_PAIRS};\n");
         self.weights(
             "Weights with which electrodes are predicted from the others.",

@@ -1,4 +1,5 @@
-//! Tests of models for other amplifiers: every usual rate, both decimations, up to two harmonics.
+//! Tests of models for other amplifiers: every usual rate, both kinds of decimation, and notches at
+//! the mains frequency and up to two harmonics.
 
 use std::{error::Error, path::Path};
 
@@ -59,8 +60,8 @@ fn check_generated_texts(model: &DeviceModel, case: &str) {
         assert_eq!(output.node, "output of the resampler");
         assert!(manifest.contains(&format!("{:.4}", output.gain)), "{case}");
         assert_eq!(filter.scalp_delay_us, filter.group_delay_us + 58_594);
-        // At 50 Hz mains without harmonics, the cascade delays by 11 ms and the low-pass by 60 to
-        // 64 ms. The ranges also allow for 60 Hz mains and notches at harmonics.
+        // At 50 Hz mains without harmonics, the delay of the cascade is 11 ms and the delay of the
+        // low-pass 60 to 64 ms. The ranges also allow for 60 Hz mains and notches at harmonics.
         let expected_us = match filters.decimation {
             Decimation::Literal => 9_000..13_000,
             Decimation::Fir => 70_000..77_000,

@@ -12,8 +12,8 @@ const GOLDEN: &str = include_str!("scipy_firwin.csv");
 /// Usual sampling rates of EEG amplifiers, Hz.
 const RATES: [u32; 6] = [250, 256, 500, 512, 1_000, 1_024];
 
-/// Iterates over the lines of the golden file: rate in Hz, number of phases, number of taps of all
-/// phases, index of a tap, value of the tap.
+/// Iterates over the lines of the golden file: rate in Hz, number of phases, total number of taps
+/// over all phases, index of a tap, value of the tap.
 fn golden() -> impl Iterator<Item = (u32, usize, usize, usize, f64)> {
     GOLDEN.lines().filter(|line| !line.starts_with('#')).map(|line| {
         let mut columns = line.split(',');

@@ -1,4 +1,4 @@
-//! Tests of the table of substitutions in the constants of a model.
+//! Tests of the table of substitutions in the generated constants of a model.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use model_gen::{DeviceModel, manifest, pack, rust_files};
 const ELECTRODES: usize = 61;
 
 /// Returns a table whose weights differ and reach both ends of their range. Only every fifth weight
-/// in a row is not 0, because the sum of their magnitudes is limited.
+/// in a row is not 0, because the sum of the magnitudes in a row is limited.
 fn table() -> SubstitutionTable {
     let weight = |index: usize| {
         let (e, other) = (index / ELECTRODES, index % ELECTRODES);

@@ -22,7 +22,8 @@ pub(crate) struct BringUp<const CHIPS: usize> {
     next: Stage,
     power_us: u32,
     reference_was_on: bool,
-    /// Registers read back from each chip and compared; complete after the last stage.
+    /// Registers of each chip as read back and compared with the values written; complete after the
+    /// last stage.
     pub(crate) read_backs: [ReadBack; CHIPS],
 }
 

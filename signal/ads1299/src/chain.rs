@@ -103,7 +103,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         self.reset_now(settings).await
     }
 
-    /// Drives all pins to their idle level and sets SCLK for registers.
+    /// Drives all pins to their idle level and sets SCLK to the frequency for registers.
     pub(crate) fn rest_pins(&mut self) -> Result<(), Error> {
         self.set_speed(Speed::Registers)?;
         self.set_start(false)?;

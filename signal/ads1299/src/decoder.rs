@@ -2,7 +2,7 @@
 
 use crate::reading::{NIBBLE, StatusWord};
 
-/// Number of consecutive frames in the alignment not in use before the decoder switches to it.
+/// Number of consecutive frames in the other alignment after which the decoder switches to it.
 const CHANGE_OVER: u8 = 4;
 
 /// Number of repeated counts at which a chip is reported as frozen. Repetitions are summed over the
@@ -35,7 +35,7 @@ const SPAN: usize = CHIP_BYTES + 1;
 pub struct Decoder<const CHIPS: usize> {
     /// Alignment of the stream; `None` until a frame has a valid chip after chip 0.
     alignment: Option<Alignment>,
-    /// Number of consecutive frames, up to the newest, that fit the alignment not in use.
+    /// Number of consecutive frames, up to the newest, that fit the other alignment.
     against: u8,
     /// Each chip's part of the previous frame, to detect frozen chips.
     last: [Part; CHIPS],

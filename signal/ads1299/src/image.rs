@@ -23,11 +23,12 @@ impl Settings {
         // and 1 for chips that are read one by one.
         let is_cascaded = self.wiring == Wiring::Cascaded;
         set(Register::CONFIG1, 0x90 | u8::from(is_cascaded) << 6 | self.rate as u8);
-        // Bits 7:5 of CONFIG2 are always 110. Bit 4 switches the internal test signal on; bits 2:0
-        // are 0 for its amplitude and frequency.
+        // Bits 7:5 of CONFIG2 are always 110. Bit 4 switches the internal test signal on. Bits 2:0
+        // select the signal's amplitude and frequency: 0 is VREF / 2400 and a period of 2^21 clock
+        // cycles.
         set(Register::CONFIG2, 0xC0 | u8::from(!is_eeg) << 4);
-        // Bits 6:5 of CONFIG3 are always 11. Bit 7 switches the reference buffer on, bits 3 and 2
-        // the bias amplifier and its internal reference.
+        // Bits 6:5 of CONFIG3 are always 11. Bit 7 switches the reference buffer on, bit 3 the
+        // internal reference of the bias amplifier, and bit 2 the bias amplifier.
         let has_bias = chip == 0;
         set(Register::CONFIG3, if has_bias { 0xEC } else { 0xE0 });
         set(Register::BIAS_SENSP, all_inputs(has_bias));

@@ -4,8 +4,8 @@ use core::f64::consts::{PI, SQRT_2};
 
 use crate::settings::Settings;
 
-/// Magnitude of the excitation, a square wave of current, in amperes; within 20 % on a real chip
-/// (data sheet section 7.5).
+/// Magnitude of the excitation current, a square wave, in amperes; on a real chip it is accurate to
+/// 20 % (data sheet section 7.5).
 pub(crate) const AMPERES: f64 = 6e-9;
 
 /// Amplitude of the excitation's fundamental in the samples, relative to the magnitude of the
@@ -66,9 +66,10 @@ pub struct ImpedanceMeter<const N: usize> {
     samples: u32,
     /// Ohms per unit of `sqrt(I^2 + Q^2)`.
     scale: f32,
-    /// The newest samples with even and with odd number, in counts.
+    /// The newest sample with an even number and the newest one with an odd number, for each
+    /// channel, in counts.
     newest: [[i32; N]; 2],
-    /// I and Q, in counts, saturating.
+    /// Sums I and Q of each channel, in counts; they saturate.
     sums: [[i32; N]; 2],
     /// Whether a sample was at the rail in this measurement.
     at_rail: [bool; N],

@@ -97,7 +97,6 @@ pub(crate) fn check_noise(measured: f32, gain: Gain, rate: Rate) -> Result<(), S
     within(measured <= limit, SelfTestFault::Noisy { measured, limit })
 }
 
-/// Returns `fault` as the error unless `holds` is true.
 fn within(holds: bool, fault: SelfTestFault) -> Result<(), SelfTestFault> {
     if holds { Ok(()) } else { Err(fault) }
 }

@@ -6,10 +6,10 @@ use crate::ready::RateError;
 /// Result of reading one sample: bad chips, missed samples, and the error of the sample rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reading<const CHIPS: usize> {
-    /// Status words of the frame; `None` if no frame was read because DRDY was silent, the bus
+    /// Status words of the frame; `None` if no frame was read because DRDY had no edge, the bus
     /// failed, or the chain is stopped.
     pub status: Option<FrameStatus<CHIPS>>,
-    /// Bad chips, one bit each. The sampler keeps their counts from an earlier sample.
+    /// Bad chips, one bit each. The counts of a bad chip are those of an earlier sample.
     pub bad: u8,
     /// Samples missing between the previous reading and this one.
     pub missed: u32,
@@ -27,14 +27,14 @@ impl<const CHIPS: usize> Reading<CHIPS> {
         self.bad == 0 && self.rate.is_none()
     }
 
-    /// Returns the positive inputs of a chip with a disconnected electrode, one bit each; 0 for a
-    /// bad chip.
+    /// Returns the positive inputs of a chip at which an electrode is disconnected, one bit each; 0
+    /// for a bad chip.
     pub fn off_positive(&self, chip: usize) -> u8 {
         self.sound_word(chip).map_or(0, StatusWord::off_positive)
     }
 
-    /// Returns the negative inputs of a chip with a disconnected electrode, one bit each; 0 for a
-    /// bad chip.
+    /// Returns the negative inputs of a chip at which an electrode is disconnected, one bit each; 0
+    /// for a bad chip.
     pub fn off_negative(&self, chip: usize) -> u8 {
         self.sound_word(chip).map_or(0, StatusWord::off_negative)
     }

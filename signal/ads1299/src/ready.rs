@@ -201,18 +201,19 @@ impl core::error::Error for RateError {}
 /// ST-LINK.
 const STAMPS_PPM: u32 = 10_000;
 
-/// Largest deviation of the rate, in ppm, that is blamed on the chips' clock or the clock that
-/// stamps the edges. Up to this limit the samples count as valid, and the host, which knows the
-/// true time, learns the measured rate. A chip that has lost its registers deviates more: it has
-/// half or twice the rate, or another ratio.
+/// Largest deviation of the rate, in ppm, that can come from the chips' clock or from the clock
+/// that stamps the edges. Up to this limit the samples count as valid, and the host, which knows
+/// the true time, learns the measured rate. A chip that has lost its registers deviates more: it
+/// has half or twice the rate, or another ratio.
 const CLOCKS_PPM: u32 = 50_000;
 
 /// Number of consecutive periods per rate check: 1/8 s at 512 Hz. Stamps of 1 us resolution measure
 /// the rate over this time to 16 ppm; an interrupt delayed by 50 us adds 400 ppm.
 const PERIODS: u32 = 64;
 
-/// Checks DRDY's edges while a chain converts. Reports an early edge at once, a rate that is off by
-/// more than [`CLOCKS_PPM`] after [`PERIODS`] periods, and a gap as the number of samples not read.
+/// Checks DRDY's edges while a chain converts. Reports an early edge at once. After every
+/// [`PERIODS`] periods, reports a rate that is off by more than [`CLOCKS_PPM`]. Reports a gap as
+/// the number of samples not read.
 #[derive(Clone, Debug)]
 pub(crate) struct RateWatch {
     clock: Clock,

@@ -42,7 +42,7 @@ impl Register {
     pub const LOFF_STATN: Self = Self(0x13);
     /// GPIO pins: data in the upper four bits, direction in the lower four (1 is input).
     pub const GPIO: Self = Self(0x14);
-    /// Switch from SRB1 to all negative inputs, which makes SRB1 their common reference.
+    /// Switch that connects SRB1 to all negative inputs as their common reference.
     pub const MISC1: Self = Self(0x15);
     /// Reserved; always 0.
     pub const MISC2: Self = Self(0x16);

@@ -39,9 +39,10 @@ pub struct RetryingSampler<Spi, Line, Delay, const CHIPS: usize, const BYTES: us
     since_us: u64,
     /// Time in microseconds at which a flagged repetition is due unless an edge comes first.
     due_us: u64,
-    /// True if the last sample was a flagged repetition, or if an attempt has stopped the chain.
+    /// True if the last sample was a flagged repetition, or if an attempt to bring the chain up has
+    /// stopped it.
     is_silent: bool,
-    /// True if the chain has been silent since the last attempt, so that its registers may be lost.
+    /// True if the chain has been silent since the last attempt; its registers may then be lost.
     registers_doubtful: bool,
 }
 
@@ -49,15 +50,15 @@ pub struct RetryingSampler<Spi, Line, Delay, const CHIPS: usize, const BYTES: us
 #[derive(Debug)]
 struct Attempt<const CHIPS: usize> {
     bring_up: BringUp<CHIPS>,
-    /// Earliest time of the next stage, in microseconds.
+    /// Earliest time at which the next stage may run, in microseconds.
     next_us: u64,
 }
 
 impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES: usize>
     RetryingSampler<Spi, Line, Delay, CHIPS, BYTES>
 {
-    /// Creates a sampler for a stopped chain. After `retry_us` microseconds without a valid sample
-    /// it brings the chain up again.
+    /// Creates a sampler for a stopped chain. After `retry_us` microseconds without a valid sample,
+    /// the sampler brings the chain up again.
     pub const fn new(sampler: Sampler<Spi, Line, Delay, CHIPS, BYTES>, retry_us: u64) -> Self {
         Self {
             sampler,
@@ -131,8 +132,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         (reading, DrdyEdge { us, missed })
     }
 
-    /// Sets [`Settings::excited`] if it differs, unless a sample is due soon or the chain is being
-    /// brought up; call it before every [`Self::next`].
+    /// Sets [`Settings::excited`] to `channels` if it has another value, unless a sample is due soon
+    /// or the chain is being brought up; call it before every [`Self::next`].
     ///
     /// # Timing
     /// As [`Sampler::set_excitation`], which fits between two samples.

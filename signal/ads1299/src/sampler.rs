@@ -17,8 +17,9 @@ pub const SILENCE: u32 = 4;
 
 /// Owns a chain, reads every sample and reports its errors.
 ///
-/// A chip keeps its previous counts while its part of the frame is invalid. `BYTES` is
-/// [`frame_bytes`](crate::decoder::frame_bytes) for `CHIPS` chips, checked at compile time.
+/// While a chip's part of the frame is invalid, the sampler repeats the chip's previous counts.
+/// `BYTES` is [`frame_bytes`](crate::decoder::frame_bytes) for `CHIPS` chips, checked at compile
+/// time.
 #[derive(Debug)]
 pub struct Sampler<Spi, Line, Delay, const CHIPS: usize, const BYTES: usize> {
     pub(crate) chain: Chain<Spi, Line, Delay, CHIPS>,
@@ -168,7 +169,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         self.watch.millihertz()
     }
 
-    /// Returns the counters of this sampler since its creation.
+    /// Returns how many readings of each chip were bad and how many samples were missed since this
+    /// sampler was created.
     pub const fn counters(&self) -> &SamplerCounters<CHIPS> {
         &self.counters
     }
@@ -200,7 +202,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     }
 
     /// Records a missing sample. Call it after [`SILENCE`] periods without an edge of DRDY, and
-    /// then each period. `missed` is the number of samples missing before this one and not yet
+    /// then once per period. `missed` is the number of samples missing before this one and not yet
     /// reported: three ([`SILENCE`] less one) in the first call, then 0.
     pub fn silence(&mut self, missed: u32) -> Reading<CHIPS> {
         self.watch.restart();

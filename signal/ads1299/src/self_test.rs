@@ -19,8 +19,8 @@ use crate::settings::{Gain, Input, Settings, TEST_HALF_PERIOD};
 /// Number of periods of the test signal in which gain, offset and noise are measured.
 const PERIODS: u32 = 2;
 
-/// Number of samples in addition to the measured periods: the filter settles, and a transition may
-/// be in progress at the start.
+/// Number of samples in addition to the measured periods, because the filter must settle and a
+/// transition may be in progress at the start.
 const LEAD: u32 = 16;
 
 /// Number of samples measured with shorted inputs, as in the data sheet (section 8.1).

@@ -28,10 +28,11 @@ pub struct SelfTestReport<const CHIPS: usize> {
 pub struct ChipReport {
     /// ID that the chip returned; the right one is [`ID`](crate::register::ID).
     pub id: u8,
-    /// Number of registers that differ from the values written, 0 to 24, in the stage with the most
-    /// differences.
+    /// Number of registers that differ from the values written, 0 to 24; the largest number in any
+    /// stage of the test.
     pub differing: u8,
-    /// Error of a wrong ID, or of the first register that differs.
+    /// The chip's error: a wrong ID, or else the first register that differs from the value
+    /// written.
     pub fault: Option<Error>,
     /// Number of frames in which the chip's data were damaged or repeated; these frames are left
     /// out of the measurements.

@@ -50,9 +50,9 @@ pub enum Wiring {
 pub enum Control {
     /// The pins START and RESET are wired to the microcontroller.
     Pins,
-    /// Opcodes; START is wired to ground and RESET to DVDD. Cascaded chips get an opcode one after
-    /// the other and do not sample at the same time, so only a daisy chain or a single chip may use
-    /// this variant.
+    /// The driver sends opcodes. The pin START is wired to ground and RESET to DVDD. Cascaded chips
+    /// get an opcode one after the other and do not sample at the same time, so only a daisy chain
+    /// or a single chip may use this variant.
     Commands,
 }
 

@@ -107,7 +107,7 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         self.board().power_off();
     }
 
-    /// Switches the supplies on; the time until a reset is allowed starts again.
+    /// Switches the supplies on; a reset is allowed again only after the power-on time.
     pub fn power_on(&self) {
         self.board().power_on();
     }
@@ -118,8 +118,8 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         self.board().set_electrode(chip, channel, on);
     }
 
-    /// Sets the impedance of the electrode at the positive input of a channel, in ohms; 0 until
-    /// then. `chip` and `channel` count from 0.
+    /// Sets the impedance of the electrode at the positive input of a channel, in ohms. Before the
+    /// first call, the impedance is 0. `chip` and `channel` count from 0.
     pub fn set_impedance(&self, chip: usize, channel: usize, ohms: f64) {
         self.board().set_impedance(chip, channel, ohms);
     }

@@ -21,7 +21,8 @@ use crate::simulation::{
     finish,
 };
 
-/// A simulated chain with its driver, read edge by edge. `BYTES` is the length of its frames.
+/// A simulated chain with its driver; a test reads one sample per edge of DRDY. `BYTES` is the
+/// length of the chain's frames.
 struct Bench<const CHIPS: usize, const BYTES: usize> {
     simulation: Simulation<CHIPS>,
     sampler:

@@ -31,7 +31,7 @@ pub struct AcquiredSample {
     /// Faults of the samples that were lost, because the queue was full, between the previous
     /// queued sample and this one; they include `overrun`. No faults if no sample was lost.
     pub lost: Marks,
-    /// True if the excitation flows, from which the impedance of the electrodes is measured.
+    /// True if the excitation flows through the electrodes; their impedance is measured from it.
     pub excited: bool,
 }
 

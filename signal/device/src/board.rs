@@ -83,7 +83,7 @@ pub enum Order {
     /// Exclude electrodes by this policy from now on; see
     /// [`Producer::set_exclusion`](crate::Producer::set_exclusion).
     SetExclusion(ExclusionPolicy),
-    /// Switch the excitation of the electrodes on or off, and report it in
+    /// Switch the excitation of the electrodes on or off, and report its state in
     /// [`AcquiredSample::excited`](crate::AcquiredSample::excited).
     SetImpedance(bool),
     /// Restart the board 0.1 s later, so that queued frames can still be sent.

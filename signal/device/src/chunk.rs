@@ -199,7 +199,7 @@ pub(crate) struct Compressor {
 }
 
 impl Compressor {
-    /// Creates a compressor before its first chunk. This is a function because a constant would put
+    /// Creates a compressor that has no chunk yet. This is a function because a constant would put
     /// the chunk's zeros into flash.
     pub(crate) const fn new() -> Self {
         Self { state: EncoderState::NEW, next: 0, chunk: CompressedChunk::EMPTY }

@@ -48,8 +48,8 @@ impl ImpedanceMeasurement {
     pub(crate) const NEW: Self = Self(ImpedanceMeter::new(CONVERTER_SETTINGS));
 
     /// Adds a sample. Returns the impedances if a measurement is complete. A measurement ends
-    /// without a result at a lost sample, at a sample of a bad chip, whose counts repeat, and at a
-    /// sample without excitation.
+    /// without a result if a sample is lost, if a chip is bad (its counts are then repeated), or if
+    /// a sample is without excitation.
     pub(crate) fn observe(&mut self, acquired: &AcquiredSample) -> Option<Impedance> {
         if !acquired.excited {
             self.0.restart();

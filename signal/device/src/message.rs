@@ -46,7 +46,7 @@ pub(crate) fn capabilities(mains: Mains, scales: &CodeScales) -> Capabilities<'s
     }
 }
 
-/// Memory for the values of a code as bytes, which a wire message borrows.
+/// Buffer for the values of a code as bytes; a wire message borrows it.
 pub(crate) type ValueBytes = [u8; pipeline::CodeValues::MAX_BYTES];
 
 pub(crate) fn code<'b>(
@@ -121,7 +121,7 @@ fn with_flags<const N: usize>(marks: Marks, conditions: [(bool, Flags); N]) -> F
         .fold(marks.flags(), |flags, (_, flag)| flags | flag)
 }
 
-/// Code values that a device without a network reports: none, in the model's format.
+/// The code values that a device without a network sends: an empty code in the model's format.
 pub(crate) const NO_VALUES: CodeValues<'static> = match CODE_FORMAT {
     CodeFormat::Int8Exponent => CodeValues::int8_exponent(0, &[]),
     CodeFormat::Int16 => CodeValues::int16(&[]),

@@ -18,17 +18,18 @@ const LAYOUT: u32 = 2;
 const ANALYSIS_PAIRS: usize = PACKED_INPUT_PAIRS * PACKED_COEFFICIENTS / 2;
 const PREDICTION_PAIRS: usize = PACKED_COEFFICIENTS * PACKED_COEFFICIENTS / 4;
 /// Numbers of electrodes, steps of a block, pairs of input values and coefficients in the built-in
-/// packed model; an upload must state the same.
+/// packed model; an upload must have the same numbers.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "at most 64 electrodes, 64 steps, 256 coefficients"
 )]
 const SHAPE: [u16; 4] =
     [ELECTRODES as u16, HOP as u16, PACKED_INPUT_PAIRS as u16, PACKED_COEFFICIENTS as u16];
-/// Largest magnitude of `misfit_energy`, so that no sum with it overflows.
+/// Largest permitted magnitude of `misfit_energy`; with it, no sum that includes `misfit_energy`
+/// overflows.
 const MAX_MISFIT: i64 = 1 << 48;
 /// Numbers of steps of a window, pairs of electrodes and values of a code in the built-in model,
-/// and the format of its codes; a linear code must state the same.
+/// and the format of its codes; a linear code must have the same numbers and the same format.
 #[expect(clippy::cast_possible_truncation, reason = "at most 32 steps, 32 pairs, 256 numbers")]
 const LINEAR_SHAPE: [u16; 4] = [
     STEPS as u16,
@@ -42,8 +43,8 @@ const LINEAR_SHAPE: [u16; 4] = [
 ];
 
 /// An uploaded model in the byte layout of `docs/wire-format.md`, as `model_gen` writes it. A
-/// linear code takes the place of the network's shortcut, so an image whose network has no shortcut
-/// has no memory for a linear code.
+/// linear code takes the place of the network's shortcut, so a firmware whose network has no
+/// shortcut has no memory for a linear code.
 #[derive(Clone, Debug, FromBytes, IntoBytes, Immutable, KnownLayout)]
 #[repr(C)]
 struct Content {
@@ -115,7 +116,7 @@ pub struct ModelSlot {
     id: [u8; 8],
     bytes: u32,
     crc: u32,
-    /// Number of bytes that have arrived, from the start of the model.
+    /// Number of bytes at the start of the model that have arrived.
     received: u32,
     /// Whether the model has been checked and is in use.
     is_complete: bool,
@@ -191,7 +192,7 @@ impl ModelSlot {
         self.outcome(AckResult::Done)
     }
 
-    /// Stores a chunk, which must begin where the received bytes end, or earlier.
+    /// Stores a chunk, which must begin at or before the end of the received bytes.
     pub(crate) fn store(&mut self, chunk: ModelChunk<'_>) -> UploadOutcome {
         let ModelChunk { offset, bytes } = chunk;
         let first = usize::try_from(offset).unwrap_or(usize::MAX);
@@ -301,8 +302,8 @@ impl PackedContent {
 
 impl LinearContent {
     /// Returns whether the linear code fits the input and the code format of the built-in model.
-    /// Weights need no check, because no weight can overflow a sum: over 32 steps of 64 inputs, it
-    /// is below 2^26.
+    /// The weights need no check, because no weights can make a sum overflow: a sum over 32 steps
+    /// of 64 inputs is below 2^26.
     fn is_sound(&self) -> bool {
         let is_scale = |scale: &f32| scale.is_finite() && *scale > 0.0;
         self.shape == LINEAR_SHAPE
@@ -325,7 +326,7 @@ impl LinearContent {
     }
 }
 
-/// A device's access to its model slot, which other tasks may use at the same time.
+/// A device's access to its model slot, which it may have to share with other tasks.
 pub trait Slot {
     /// Whether the device has a slot.
     const EXISTS: bool = true;

@@ -292,7 +292,8 @@ impl<E: Encoders> Producer<E> {
         self.raw.clear();
         self.compressor.restart();
         self.filtered.clear();
-        // Keep the held event only if it happened at or after the start of this run.
+        // Keep the event that waits for a later sample only if it happened at or after the start of
+        // this run.
         self.ahead = self.ahead.take_if(|event| event.at_us >= start_us);
     }
 

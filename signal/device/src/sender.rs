@@ -45,8 +45,8 @@ impl<Q: FrameQueue> Sender<Q> {
         match self.encoder.encode(device_time_us, message, &mut self.buffer) {
             Ok(frame) if is_bulk(message) => self.queue.push_bulk(frame),
             Ok(frame) => self.queue.push(frame),
-            // The message is too long for a frame. The host sees a gap in `seq`; the counter of
-            // dropped frames shows the cause.
+            // The message is too long for a frame. The host detects a gap in `seq`, and the counter
+            // of dropped frames includes the lost message.
             Err(_) => self.queue.count_dropped(),
         }
     }
@@ -126,8 +126,9 @@ impl<const BYTES: usize> FrameRing<BYTES> {
         Self { bytes: [0; BYTES], first: 0, used: 0, dropped: 0 }
     }
 
-    /// Moves the oldest frame to the start of `frame` and returns that part of `frame`; `None` if
-    /// no frame waits. A frame longer than `frame` is dropped and counted.
+    /// Removes the oldest frame from the ring, copies it to the start of the buffer `frame` and
+    /// returns the part written; `None` if no frame waits. A frame longer than the buffer is
+    /// dropped and counted.
     pub fn pop<'f>(&mut self, frame: &'f mut [u8]) -> Option<&'f [u8]> {
         while self.used > 0 && self.length() > frame.len() {
             self.discard_oldest();

@@ -23,7 +23,7 @@ pub struct Session<'i> {
     abilities: Abilities,
     /// The active run; after a `Stop`, the last run with its streams cleared.
     run: Run,
-    /// False if the model is damaged, so that every `Start` is refused.
+    /// False if the model is damaged; every `Start` is then refused.
     can_stream: bool,
     /// Electrodes that the recording lacks, interpolated or zero; none if the device measures
     /// instead of playing a recording.
@@ -45,7 +45,8 @@ pub struct Session<'i> {
 }
 
 impl<'i> Session<'i> {
-    /// Creates the session of a device that has just started; call [`Self::introduce`] first.
+    /// Creates the session of a device that has just started; call [`Self::introduce`] before any
+    /// other method.
     pub fn new(identity: Identity<'i>, abilities: Abilities, mains: Mains) -> Self {
         Self {
             identity,
@@ -363,7 +364,8 @@ impl<'i> Session<'i> {
     }
 
     /// Stores the status of the converters, which every later answer to `Identify` contains. Also
-    /// sends the status at once if a run is active or its fault has changed.
+    /// sends the status at once if it is the first one, if a run is active, or if the fault in the
+    /// status has changed.
     pub fn update_converters(
         &mut self,
         converters: Converters,

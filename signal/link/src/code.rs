@@ -109,8 +109,8 @@ impl<'a> CodeValues<'a> {
         self.bytes.len() / self.width()
     }
 
-    /// Returns true if there are no values. A code without values is malformed; an audit of a
-    /// device without a network has none.
+    /// Returns true if there are no values. A code without values is malformed; only an audit of a
+    /// device without a network has no values.
     pub const fn is_empty(&self) -> bool {
         self.bytes.is_empty()
     }
@@ -134,8 +134,9 @@ impl<'a> CodeValues<'a> {
         self.bytes
     }
 
-    /// Returns these values with the bytes that follow the fields of a message; `None` if the bytes
-    /// end within a value, or hold fewer than `least` or more than [`MAX_NUMBERS`] values.
+    /// Returns values of the same format with the content `bytes`, which follow the fields of a
+    /// message; `None` if the bytes end within a value, or hold fewer than `least` or more than
+    /// [`MAX_NUMBERS`] values.
     pub(crate) fn with_bytes(self, bytes: &'a [u8], least: usize) -> Option<CodeValues<'a>> {
         let values = CodeValues { bytes, ..self };
         let whole = bytes.len().is_multiple_of(values.width());

@@ -51,7 +51,7 @@ bit_set! {
         const COMPRESSED_RAW = 5;
         /// Bit 6: one [`PackedCode`](crate::PackedCode) per hop.
         const PACKED = 6;
-        /// Bit 7: one [`Features`](crate::Features) per hop, once the host has set filters.
+        /// Bit 7: one [`Features`](crate::Features) per hop, if the host has set filters.
         const FEATURES = 7;
     }
 }

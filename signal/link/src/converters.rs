@@ -84,7 +84,7 @@ byte_enum! {
     /// Fault of a channel; one byte on the wire.
     #[derive(Default)]
     pub enum ChannelFault {
-        /// 0: the channel keeps every limit.
+        /// 0: the channel meets every limit.
         #[default]
         None = 0,
         /// 1: too few samples for a result.

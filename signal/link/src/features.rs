@@ -36,7 +36,7 @@ pub struct BandPass {
     pub a2: i64,
 }
 
-/// Band powers of one hop; sent if requested, once the host has set filters.
+/// Band powers of one hop; sent if the host has requested them and has set filters.
 ///
 /// Hop `n` consists of the steps from `n` times [`hop_steps`](crate::Capabilities::hop_steps) on.
 /// The header holds the time of the hop's last step.

@@ -34,7 +34,8 @@ bit_set! {
         const SUBSTITUTED = 9;
         /// Bit 14: decoded signals have a larger error because of a loss. Either packed blocks
         /// before this block were lost, and the state of the host's decoder still differs from the
-        /// device's, or a code whose window contains these steps is missing. Never set on the wire.
+        /// device's, or a code is missing whose window contains steps of this message. Never set on
+        /// the wire.
         const HEALING = 14;
         /// Bit 15: the bridge inserted this code or packed block in place of a lost one. Never set
         /// on the wire.

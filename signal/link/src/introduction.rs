@@ -28,8 +28,8 @@ pub struct Hello<'a> {
     /// Cause of the last start, from the microcontroller's reset flags or from the failure record
     /// that survives a reset.
     pub reset_cause: ResetCause,
-    /// Fault of this start, such as a damaged model or a missing clock, or the panic message or
-    /// fault registers of the previous run; empty without a fault. At most [`MAX_TEXT_BYTES`]
+    /// Fault of this start, such as a damaged model or a missing clock, or of the previous run, as
+    /// its panic message or fault registers; empty without a fault. At most [`MAX_TEXT_BYTES`]
     /// bytes.
     pub fault: &'a str,
 }
@@ -91,8 +91,8 @@ pub struct Capabilities<'a> {
     /// network's input is `z = (level - code_zero_point) * code_scale`, with the
     /// [levels](crate::CodeValues::levels) of the code. Positive and finite.
     pub code_scale: Vec<f32, MAX_NUMBERS>,
-    /// Level of each code value that stands for `z = 0`; always 0 in the formats other than
-    /// [`CodeFormat::Int8`].
+    /// For each value of a code, the level that stands for `z = 0`; always 0 in the formats other
+    /// than [`CodeFormat::Int8`].
     pub code_zero_point: Vec<i8, MAX_NUMBERS>,
 }
 

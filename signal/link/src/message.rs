@@ -26,8 +26,8 @@ pub trait Message<'a>: Serialize + Deserialize<'a> {
         &[]
     }
 
-    /// Returns a decoded message with the bytes that follow its fields; `None` if the message
-    /// cannot have these bytes.
+    /// Puts the bytes that follow the fields of a message into the decoded message and returns it;
+    /// `None` if the message cannot have these bytes.
     fn with_tail(self, tail: &'a [u8]) -> Option<Self> {
         tail.is_empty().then_some(self)
     }
@@ -153,8 +153,8 @@ pub enum ToDevice<'a> {
     },
     /// 6: restart, a tenth of a second after the `Ack`.
     Reset(ResetInto),
-    /// 7: set the rate of the packed code from the next block on, at any time; it is kept until the
-    /// device restarts.
+    /// 7: set the rate of the packed code; it takes effect with the next block, and the device
+    /// keeps it until it restarts. Accepted at any time, also during a run.
     SetRate {
         /// New rate, 0 to [`MAX_RATE`](crate::MAX_RATE); any other is refused with `BadArgument`.
         /// Each step up quantises 3 dB more coarsely.
@@ -173,8 +173,9 @@ pub enum ToDevice<'a> {
     /// 11: use the announced model from now on, until the device restarts. The device introduces
     /// itself again, with the model's id. Answered with `Failed` if the model is not sound.
     ModelEnd,
-    /// 12: compute features with these filters from the next step on, at any time; the filters are
-    /// kept until the device restarts. Filters out of range are refused with `BadArgument`.
+    /// 12: compute features with these filters from the next step on. Accepted at any time, also
+    /// during a run; the device keeps the filters until it restarts. Filters out of range are
+    /// refused with `BadArgument`.
     SetFeatures(FeatureFilters<'a>),
     /// 13: start or end the measurement of the electrodes' impedance with the next sample; `Stop`
     /// ends it too. [`ToHost::Impedance`] carries the results. Refused with `NotSupported` by a
@@ -219,8 +220,8 @@ impl<'a> Message<'a> for ToDevice<'a> {
 }
 
 impl ToDevice<'_> {
-    /// Returns the command for callers that keep it longer than the buffer of its frame: a
-    /// `ModelChunk` loses its bytes, `SetFeatures` its weights.
+    /// Returns the command without borrowed data, for callers that need it after its frame's buffer
+    /// has been reused: a `ModelChunk` loses its bytes, `SetFeatures` its weights.
     #[must_use]
     pub const fn without_bytes(self) -> ToDevice<'static> {
         match self {

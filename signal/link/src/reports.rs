@@ -113,7 +113,7 @@ pub const MAX_STAGES: usize = 8;
 /// message every second while streaming, after `Stats`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Timing {
-    /// The stages that are measured, each once, in the order of [`Stage`].
+    /// One entry for each stage that the device measures, in the order of [`Stage`].
     pub stages: Vec<StageTiming, MAX_STAGES>,
     /// Deepest use of the stack since boot, bytes; 0 on a device that does not measure it.
     pub stack_used: u32,

@@ -1,7 +1,7 @@
 //! Declarations of small types of the wire: enums of one byte and sets of bits.
 
-/// Declares an enum that is one byte on the wire. A byte that no variant has is kept in `Newer`,
-/// whose description is the text after `_ =>`.
+/// Declares an enum that is one byte on the wire. A byte that no variant has is stored in the
+/// variant `Newer`, whose description is the text after `_ =>`.
 macro_rules! byte_enum {
     (
         $(#[$attribute:meta])*

@@ -13,7 +13,7 @@ pub struct MainsFilter {
     pub mains_hz: u8,
     /// Sections in signal order; samples are counts in Q27.5.
     pub cascade: Cascade<SECTIONS>,
-    /// Group delay of sections and resampler at 10 Hz, microseconds.
+    /// Group delay of the filter sections and the resampler at 10 Hz, microseconds.
     pub group_delay_us: u32,
     /// Group delay plus [`WINDOW_CENTRE_US`](crate::WINDOW_CENTRE_US). A code's device time minus
     /// this delay is the time at which the signal in the middle of the code's window was at the

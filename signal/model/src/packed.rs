@@ -6,17 +6,21 @@ use int8_nn::Linear;
 use crate::checksum::Checksum;
 use crate::constants::{HOP, PACKED_COEFFICIENTS, PACKED_INPUT_PAIRS};
 
-/// The integers of a packed model that the encoder needs.
+/// Weights, factors and tables of a packed model that the encoder needs, all as integers.
 #[derive(Clone, Copy, Debug)]
 pub struct Packed<'w> {
     /// Parts of the analysis matrix, one for each step of a block; each is applied to the groups of
     /// 16 inputs that its step completes.
     pub analysis: [Slice<'w>; HOP],
-    /// Factor that turns the analysis sum of each coefficient into the coefficient, Q0.32.
+    /// For each coefficient, the factor that turns its sum of analysis products into the
+    /// coefficient, Q0.32.
     pub analysis_factors: &'w [i32; PACKED_COEFFICIENTS],
-    /// Matrix that predicts the next block's coefficients from the rounded state.
+    /// Matrix that predicts the next block's coefficients from the state, which holds the
+    /// coefficients that a decoder has after the current block; the prediction reads the state
+    /// rounded.
     pub prediction: Linear<'w>,
-    /// Factor that turns the prediction sum of each coefficient into the prediction, Q0.32.
+    /// For each coefficient, the factor that turns its sum of prediction products into the
+    /// predicted coefficient, Q0.32.
     pub prediction_factors: &'w [i32; PACKED_COEFFICIENTS],
     /// Level (index in `tables`) of each coefficient's mean magnitude at quantiser rate 4, in a
     /// predicted block.
@@ -58,7 +62,8 @@ impl Packed<'_> {
         let mut step = 0;
         while step < HOP {
             let Slice { first: at, matrix } = &self.analysis[step];
-            // With few electrodes, some steps complete no group; their matrices are empty.
+            // With few electrodes, some steps complete no group of inputs; the matrices of such
+            // steps are empty.
             let is_empty = matrix.inputs == 0 && matrix.weights.is_empty();
             let fits = matrix.is_consistent(matrix.inputs, PACKED_COEFFICIENTS);
             if *at != first || !(fits || is_empty) {

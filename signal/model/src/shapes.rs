@@ -32,8 +32,8 @@ pub const POOLED: PlaneShape = PlaneShape {
 };
 /// Number of pairs of values in a pooled plane.
 pub const POOLED_PAIRS: usize = POOLED.len() / 2;
-/// Shape of one time step of the first convolution's output, with its margin, without the rows and
-/// columns that the pool does not use. In the paper's network one column is left out.
+/// Shape of one time step of the first convolution's output. It includes the margin, but not the
+/// rows and columns that the pool does not use. In the paper's network one column is left out.
 pub const HIDDEN: PlaneShape = PlaneShape {
     rows: POOLED.rows * POOL[1] + SHRINK,
     columns: POOLED.columns * POOL[2] + SHRINK,
@@ -47,8 +47,8 @@ pub const HIDDEN_INTERIOR: PlaneShape = PlaneShape {
     columns: smaller(HIDDEN.columns - MARGIN, CELL_PLANE.columns.saturating_sub(SHRINK)),
     channels: HIDDEN.channels,
 };
-/// Number of pooled planes in a window that do not depend on padding: two convolutions remove four
-/// steps.
+/// Number of pooled planes in a window that do not depend on padding; they cover the window less
+/// the four steps that two unpadded convolutions remove.
 pub const INNER_STEPS: usize = (STEPS - 2 * SHRINK) / POOL[0];
 /// Number of pooled planes at each end of a window that depend on padded steps.
 pub const EDGE_STEPS: usize = if PADS_TIME { SHRINK / POOL[0] } else { 0 };

@@ -151,7 +151,8 @@ mod tests {
 
     #[test]
     fn a_step_between_two_samples_carries_its_offset() {
-        // From 1000 Hz to 128 Hz there are 16 phases of 62.5 us between two samples.
+        // Resampling from 1000 Hz to 128 Hz has 16 phases between two samples, which are 62.5 us
+        // apart.
         let offsets = [0, 1, 4, 15].map(|phase| offset_us(phase, 16, 1_000));
         assert_eq!(offsets, [0, 62, 250, 937]);
     }

@@ -27,7 +27,7 @@ pub struct Code {
     pub values: CodeValues,
 }
 
-/// Largest exponent: divided by 2^8, a 16-bit level has 8 bits.
+/// Largest exponent: division by 2^8 reduces a 16-bit level to 8 bits.
 const MAX_EXPONENT: u8 = 8;
 
 /// The values of a code in the model's format, [`model::CODE_FORMAT`].

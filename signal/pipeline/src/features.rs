@@ -18,7 +18,7 @@ pub const LARGEST_ROW: u32 = 2_047;
 const LARGEST_COEFFICIENT: u64 = 1 << 34;
 
 /// Number of hops that are marked as settling after a start or a change of filters, because the
-/// band-pass starts at rest: the hops of 1 s.
+/// band-pass starts at rest: as many as take 1 s.
 #[expect(clippy::cast_possible_truncation, reason = "at most as many as steps per second")]
 const SETTLING_HOPS: u8 = (STEP_RATE_HZ as usize).div_ceil(HOP) as u8;
 
@@ -107,7 +107,8 @@ pub struct Features {
     pub offset_us: u16,
     /// ADC channels at the rail in any sample since the step before the hop; bit n is channel n.
     pub saturated: u64,
-    /// True if the filters of the device or the band-pass had not settled at the hop's first step.
+    /// True if the device's filters or the band-pass of the features had not settled at the hop's
+    /// first step.
     pub settling: bool,
     filters: u8,
     levels: [u8; MAX_FEATURES],

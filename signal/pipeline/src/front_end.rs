@@ -81,7 +81,7 @@ impl<'r, F: Filter, const PHASES: usize, const TAPS: usize> FrontEnd<'r, F, PHAS
                 }
             }
         }
-        // Skip samples that newer ones of this block would push out of the delay line.
+        // Skip samples that newer samples of this block would push out of the delay line.
         for index in count.saturating_sub(TAPS)..count {
             self.line.push(self.waiting.iter().map(|block| block[index % BLOCK]));
         }
@@ -165,8 +165,8 @@ mod tests {
             .filter_map(|sample| Some(sample_by_sample.filter_sample(sample)?.0))
             .collect();
         assert_eq!(expected.len(), samples.len());
-        // A block ends at each output. With an output every 3, 4, 9 or 7 samples, the blocks
-        // between two outputs have 3, 4, 4 + 4 + 1 or 4 + 3 samples.
+        // A block ends at each output, and after 4 samples. With an output every 3, 4, 9 or 7
+        // samples, the blocks between two outputs have 3, 4, 4 + 4 + 1 or 4 + 3 samples.
         for down in [3, 4, 9, 7] {
             let resampler = Resampler::every(down);
             let mut front_end = FrontEnd::new(Mains::Hz60, &resampler);

@@ -92,7 +92,7 @@ pub struct PackedCode {
     /// contact or the cap is not the model's.
     pub is_misfit: bool,
     /// True if the block was too long at both rates that were tried: all its magnitudes are 0, and
-    /// a decoder shows the prediction.
+    /// a decoder uses the prediction as the block's coefficients.
     pub is_blank: bool,
     length: u16,
     buffer: [u8; MAX_PACKED_BYTES],
@@ -112,8 +112,8 @@ const RESET_BLOCKS: u8 = 64;
 /// Number of excess bytes per additional rate: a block that is n bytes too long is quantised again
 /// `1 + n / BYTES_PER_RATE` rates coarser, rounded up. This was measured on 28,693 blocks of the
 /// default model that were too long (EEG, EEG up to ten times as large, noise and impulses): at the
-/// coarser rate all of them fit, and that rate was 1.4 coarser than necessary on average. With 26
-/// instead of 22, four blocks did not fit.
+/// coarser rate all of them fit, and that rate was on average 1.4 rates coarser than necessary.
+/// With 26 instead of 22, four blocks did not fit.
 const BYTES_PER_RATE: usize = 22;
 
 /// Share of a block's energy that the coefficients may fail to represent before the block counts as
@@ -211,8 +211,8 @@ impl PackedMemory {
         self.add_inputs(index * ELECTRODES, step, packed);
         let slice = &packed.analysis[index % HOP];
         let inputs = self.inputs.get(slice.first..).unwrap_or_default();
-        // `try_accumulate` returns false for a slice without inputs, which has nothing to add. A
-        // model with any other slice that does not fit does not compile.
+        // `try_accumulate` returns false for a slice without inputs, which has nothing to add.
+        // Every other slice fits, as an assertion at compile time checks.
         let _ = slice.matrix.try_accumulate(inputs, &mut self.sums);
         self.steps += 1;
     }
@@ -269,8 +269,8 @@ impl PackedMemory {
         self.energy += energy.cast_signed();
     }
 
-    /// Quantises and writes the complete block, and does so again at a coarser rate if the result
-    /// is too long. Computes the state after the block.
+    /// Quantises and writes the complete block; repeats both at a coarser rate if the result is too
+    /// long. Then computes the state after the block.
     fn encode(&mut self, announced: Rate, packed: &Packed<'_>) -> PackedCode {
         let unrepresented = self.take_residual(packed);
         let is_reset = self.is_reset();
@@ -331,7 +331,8 @@ impl PackedMemory {
         energy
     }
 
-    /// Quantises the residual at the header's rate and writes it; returns the number of bytes.
+    /// Quantises the residual at the header's rate and writes the block to `bytes`; returns the
+    /// length of the block in bytes.
     #[inline(never)]
     fn write(
         &mut self,

@@ -97,7 +97,7 @@ struct InputSums {
     mains: Tone,
 }
 
-/// Sums over the steps of one electrode in this second, after the filters; counts in Q27.5.
+/// Sums over one electrode's filtered steps in this second; the steps are counts in Q27.5.
 #[derive(Clone, Copy, Debug)]
 struct OutputSums {
     squares: f32,

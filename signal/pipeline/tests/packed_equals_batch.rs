@@ -201,7 +201,8 @@ fn silence_rails_impulses_and_slow_waves_have_the_references_blocks() {
     }
 }
 
-/// Pseudo-random numbers up to 2^31 (a linear congruential generator, Numerical Recipes).
+/// Generates pseudo-random numbers over the whole range of `i32` (a linear congruential generator,
+/// Numerical Recipes).
 fn noise(seed: u32) -> impl FnMut() -> i32 {
     let mut state = seed;
     move || {

@@ -177,7 +177,7 @@ impl Browser {
 
 impl Drop for Browser {
     fn drop(&mut self) {
-        // Ends the browser; the driver is killed when its process is dropped.
+        // This request ends the browser; the driver is killed when its process is dropped.
         let _ = exchange(self.port, "DELETE", &format!("/session/{}", self.session), None);
     }
 }

@@ -240,8 +240,8 @@ impl<'a> Chain<'a> {
     }
 }
 
-/// Checks that the codes start at window 0, and that none is missing or repeated. Code n, counted
-/// from 0, must have a device time of n hops after the first code's.
+/// Checks that the codes start at window 0, and that none is missing or repeated. The device time
+/// of code n, counted from 0, must be n hops later than that of the first code.
 ///
 /// # Panics
 /// When a code is missing, repeated or has another device time.

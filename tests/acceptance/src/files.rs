@@ -1,4 +1,4 @@
-//! Recordings and tables that tests write to files or read from them.
+//! GDF recordings that tests write, pseudo-random values for them, and CSV tables that tests read.
 
 use std::fs::{self, File};
 use std::path::Path;

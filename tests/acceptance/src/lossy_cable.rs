@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Time between two attempts to connect to the board, and time limit for its next bytes.
+/// Time between two attempts to connect to the board, and timeout of a read from the board.
 const RETRY: Duration = Duration::from_millis(20);
 /// Time limit for the board to open its port.
 const START: Duration = Duration::from_secs(30);
@@ -48,7 +48,7 @@ impl LossyCable {
     }
 }
 
-/// Connects to TCP port `port` of 127.0.0.1 once a board has opened it.
+/// Waits until a board has opened TCP port `port` of 127.0.0.1, and connects to it.
 ///
 /// # Errors
 /// The board does not open its port in time.

@@ -76,7 +76,7 @@ impl OtherModel {
     /// Runs the tests of the test target `target` whose names contain `filter`.
     ///
     /// # Panics
-    /// When a test fails, or there is none.
+    /// When a test fails, or no test has such a name.
     pub fn test(&self, target: &str, filter: &str) {
         let is_of_target = |test: &&PathBuf| {
             let name = test.file_name().and_then(|name| name.to_str());

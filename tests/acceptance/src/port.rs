@@ -26,7 +26,8 @@ pub fn free_address() -> String {
 /// # Errors
 /// No port of the range is free.
 pub fn free_port() -> io::Result<u16> {
-    // Start at a port that depends on the process, so that other tests try other ports first.
+    // Start at a port that depends on the process, so that tests in other processes try other ports
+    // first.
     let start = std::process::id().wrapping_mul(0x9e37_79b9) >> 16;
     let start = u16::try_from(start).unwrap_or_default() % COUNT;
     loop {

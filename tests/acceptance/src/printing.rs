@@ -1,4 +1,4 @@
-//! Runs of a board and a bridge without ROS, in which the bridge prints its messages as JSON lines.
+//! Runs a board and a bridge without ROS; the bridge prints its messages as JSON lines.
 
 use std::fs;
 use std::path::Path;
@@ -100,7 +100,7 @@ pub fn statuses(lines: &str, name: &str) -> impl Iterator<Item = Value> {
     statuses.filter(move |status| status["name"] == name.as_str())
 }
 
-/// Returns the value `key` of a status.
+/// Returns the value under `key` in a status, as text; `None` if the status has no such value.
 pub fn figure<'s>(status: &'s Value, key: &str) -> Option<&'s str> {
     let mut values = status["values"].as_array()?.iter();
     values.find(|value| value["key"] == key)?["value"].as_str()

@@ -12,9 +12,10 @@ pub const GDF_I16: &str = "derived/s001r04_61ch_512hz_i16.gdf";
 pub const GDF_F32: &str = "derived/s001r04_61ch_512hz_f32.gdf";
 /// numpy archive with windows of [`GDF_F32`] filtered by scipy, and with scipy's coefficients.
 pub const SCIPY_WINDOWS: &str = "derived/ref_windows_128hz.npz";
-/// EDF file with 125 s of 64 electrodes at 160 Hz, which were not used to train the model.
+/// EDF file with 125 s of 64 electrodes at 160 Hz; it was not used to train the model.
 pub const EDF_R11: &str = "eegmmidb_S001/S001R11.edf";
-/// EDF file with another recording of this length and format, also not used for training.
+/// EDF file with another recording of the same length and format as [`EDF_R11`], also not used for
+/// training.
 pub const EDF_R12: &str = "eegmmidb_S001/S001R12.edf";
 
 /// Returns the path of `file` in the folder `CORTICODE_DATA`. Without this variable, reports `test`

@@ -128,7 +128,7 @@ fn start_core(port: u16, folder: &Path, number: u32) -> io::Result<Process> {
     let mut core = Process::start(&format!("roscore{number}"), &mut roscore, folder)?;
     let address = SocketAddr::from((Ipv4Addr::LOCALHOST, port));
     core.wait_until("roscore has started its log node", TIMEOUT, |core| {
-        // Wait for the log node, rosout, which starts last; the port is already open before.
+        // Wait for the log node, rosout, which starts last; the master's port is open earlier.
         core.output().contains("started core service") && TcpStream::connect(address).is_ok()
     });
     Ok(core)

@@ -13,7 +13,7 @@ use crate::workspace;
 /// Number of pairs of ROS domains whose ports are outside Linux's range for outgoing connections.
 const PAIRS: u32 = 50;
 
-/// The Python with ROS 2's packages, and domains that no other test uses.
+/// The Python interpreter with ROS 2's packages, and two ROS domains that no other test uses.
 #[derive(Debug)]
 pub struct Ros2<'a> {
     python: PathBuf,
@@ -33,7 +33,8 @@ impl<'a> Ros2<'a> {
     pub fn find(test: &str, folder: &'a Path) -> Option<Self> {
         static TESTS: AtomicU32 = AtomicU32::new(0);
         let python = wheels::python(test)?;
-        // Another process usually starts at another pair.
+        // Choose the first pair by the process id, so that tests in other processes usually use
+        // other pairs.
         let start = std::process::id().wrapping_mul(0x9e37_79b9) >> 16;
         let pair = (start + TESTS.fetch_add(1, Ordering::Relaxed)) % PAIRS;
         Some(Self {
@@ -59,7 +60,7 @@ impl<'a> Ros2<'a> {
     /// Calls services of the type `std_srvs/Empty`, one after the other, with rclpy.
     ///
     /// # Panics
-    /// When one is missing or does not answer.
+    /// When a service is missing or does not answer.
     pub fn call(&self, services: &[&str]) {
         let mut command = self.command("call.py");
         let output = command.args(services).env("ROS_DOMAIN_ID", &self.domain);
@@ -73,7 +74,7 @@ impl<'a> Ros2<'a> {
     /// responses in lines of JSON.
     ///
     /// # Panics
-    /// When one is missing or does not answer.
+    /// When a service is missing or does not answer.
     pub fn call_with_cyclone(&self, services: &[&str]) -> String {
         let mut command = self.command("call_cyclone.py");
         let output = command.arg(&self.domain).args(services).output();

@@ -10,7 +10,8 @@ use emulator::skip::skip_unless_required;
 use crate::workspace;
 
 /// Returns the Python interpreter that has the packages of `tests/acceptance/wheels.txt`. Returns
-/// `None`, and reports `test` as skipped, if they are not installed in these versions.
+/// `None`, and reports `test` as skipped, if the packages are not installed in the versions listed
+/// there.
 ///
 /// # Panics
 /// When they are not installed and `CORTICODE_REQUIRE_ROS=1`, as in CI.

@@ -10,8 +10,8 @@ use crate::{
 };
 
 /// A cascade whose sections change randomly before every block, while its states persist. Poles can
-/// be anywhere and sums wrap, so the output is no filtered signal. It shows that microcontroller
-/// and PC compute equal bits for any coefficient and any sample.
+/// be anywhere and sums wrap, so the output is no filtered signal. The comparison of the outputs
+/// checks that microcontroller and PC compute equal bits for any coefficient and any sample.
 #[derive(Clone, Debug)]
 pub struct AnySections {
     random: Random,
@@ -49,7 +49,8 @@ impl Contender for AnySections {
 }
 
 impl Random {
-    /// Draws a coefficient: any fraction, and an integer part of stable sections, -2 to 2.
+    /// Draws a coefficient: any fraction, and an integer part from -2 to 2, the range of stable
+    /// sections.
     fn coefficient(&mut self) -> Coefficient {
         Coefficient {
             integer: (self.next() % 5).cast_signed() - 2,

@@ -1,4 +1,5 @@
-//! Blocks of samples that the image `lossless` compresses, and their bytes in its files.
+//! Blocks of samples that the image `lossless` compresses, and their byte layout in its input and
+//! output files.
 
 use lossless::{Block, Count, Encoder, Kind, MAX_SAMPLES};
 use model::CHANNELS;

@@ -1,5 +1,5 @@
-//! All contenders: our filters in each form of use and, for comparison, the filters of the
-//! third-party crate idsp.
+//! All contenders: our filters in each way in which they are used and, for comparison, the filters
+//! of the third-party crate idsp.
 
 use fixed_dsp::{BLOCK, CascadeState, DelayLine, Filter, Resampler};
 use idsp::iir::{DirectForm1, DirectForm1Dither, DirectForm1Wide};
@@ -149,8 +149,8 @@ struct Acquiring {
 }
 
 impl Default for Acquiring {
-    /// Processes one sample of silence, which completes the first time step. Afterwards every block
-    /// of four samples completes one time step.
+    /// Creates the acquisition and processes one sample of silence, which completes the first time
+    /// step. Afterwards every block of four samples completes one time step.
     fn default() -> Self {
         let mut acquisition = Acquisition::new(Mains::Hz50);
         acquisition.process_sample(&Sample::default());

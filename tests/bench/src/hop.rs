@@ -3,8 +3,8 @@
 
 use model::{HOP, STEPS};
 
-/// Number of time steps at the start of an input that are not counted: until the second window is
-/// complete, the encoder's buffers fill.
+/// Number of time steps at the start of an input that are not counted, because the encoder's
+/// buffers are full only when the second window is complete.
 pub const FILLING: usize = STEPS + HOP;
 
 /// Index, within a hop, of the time step that completes a window and its code.

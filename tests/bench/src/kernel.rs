@@ -14,9 +14,9 @@ const PLANES: usize = 3;
 /// Number of [`Pair`]s of channels in the output of the first convolution for one step, without the
 /// zero margin.
 const INTERIOR: usize = HIDDEN_INTERIOR.len() / 2;
-/// [`INTERIOR`] plus the pairs in the zero margin, which the second convolution also reads.
+/// Number of pairs in a plane with its zero margin, which the second convolution also reads.
 const FRAMED: usize = HIDDEN.len() / 2;
-/// Number of pairs in a transformed plane; the second convolution transforms its input first.
+/// Number of pairs in a transformed input plane of the second convolution.
 const TRANSFORMED: usize = NETWORK.conv2().transformed_len();
 
 /// Weights of the linear shortcut for the first time step of a window. A network without a shortcut

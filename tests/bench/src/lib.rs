@@ -48,7 +48,7 @@ pub mod report;
 pub mod substituted;
 pub mod tally;
 
-/// Completes a program to an image: a panic handler, and on a PC a `main` that prints where the
+/// Turns a program into an image: adds a panic handler, and for a PC a `main` that prints where the
 /// program must run.
 #[macro_export]
 macro_rules! image {

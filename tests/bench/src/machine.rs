@@ -40,8 +40,8 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// Starts the timer, measures the overhead of a measurement, and checks both with a block of
-    /// 1000 instructions.
+    /// Starts the timer, measures the overhead of a measurement, and checks timer and overhead with
+    /// a block of 1000 instructions.
     ///
     /// # Errors
     /// Returns the number of instructions counted for the block if it is not 1000, which means that

@@ -61,7 +61,7 @@ enum Benchmark {
     },
     /// Lossless compression: bits per channel sample; instructions on emulated microcontrollers.
     Lossless,
-    /// Bad electrodes: instructions of finding and filling them on emulated microcontrollers, steps
+    /// Bad electrodes: instructions to find and fill them on emulated microcontrollers, steps
     /// compared with this PC's.
     Substitution,
     /// Cost of a model: instructions of each time step on emulated microcontrollers, flash and RAM

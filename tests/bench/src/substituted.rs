@@ -1,4 +1,5 @@
-//! Bytes of the table and of the steps in the files of the image `substitution`.
+//! Byte layout of the table and of the time steps in the input and output files of the image
+//! `substitution`.
 
 use int8_nn::{Linear, Pair};
 use model::{ELECTRODE_OUTPUTS, ELECTRODE_PAIRS, ELECTRODES, Substitution};
@@ -9,7 +10,8 @@ use pipeline::{FeatureFilters, Step};
 pub struct OwnedTable {
     /// Weights, packed by [`Linear::pack_weights`].
     pub weights: [Pair; ELECTRODE_PAIRS * ELECTRODE_OUTPUTS / 2],
-    /// Typical mean square of each electrode's innovation, in the unit of the artifact.
+    /// Typical mean square of each electrode's innovation (the electrode minus its prediction), in
+    /// the unit of the artifact, (1/16 uV)^2.
     pub innovation: [i32; ELECTRODES],
 }
 

@@ -17,8 +17,8 @@ use crate::input;
 pub const APPLICATION: &str = "board-qemu";
 
 /// Duration of an instruction in virtual time, as a power of two: 2^4 ns. This is 62.5 million
-/// instructions per second, or 2.7 cycles per instruction at 168 MHz, slower than a real board:
-/// docs/real-time.md computes 1.6 cycles per instruction for a code.
+/// instructions per second, or 2.7 cycles per instruction at 168 MHz. A real board is faster:
+/// docs/real-time.md computes 1.6 cycles per instruction for the encoding of a code.
 pub const INSTRUCTION_SHIFT: u8 = 4;
 
 /// An emulated board with the application's image, and the folder of one scenario.
@@ -95,7 +95,8 @@ impl Board {
     /// When the file cannot be written.
     pub fn write(&self, name: &str, bytes: &[u8]) {
         let path = self.folder.join(name);
-        // An earlier run may have left a named pipe, and writing to a pipe would block.
+        // An earlier run may have left a named pipe at this path, and writing to the pipe would
+        // block.
         let _ = fs::remove_file(&path);
         or_panic(fs::write(&path, bytes).map_err(EmulatorError::file(&path)));
     }
@@ -162,8 +163,8 @@ impl Run {
         number.unwrap_or_else(|| panic!("the image printed no `{name}`: {:?}", self.lines))
     }
 
-    /// Returns the larger number of overruns: as printed by the image at its end, or as in the last
-    /// `Stats`.
+    /// Returns the number of overruns: the larger of the number that the image printed at its end
+    /// and the number in the last `Stats`.
     pub fn overruns(&self, boot: &Boot) -> u64 {
         let reported = u64::from(boot.last_stats().overruns);
         self.printed("overruns").max(reported)

@@ -10,7 +10,8 @@ pub fn count_differences<T: PartialEq>(expected: &[T], found: &[T]) -> usize {
 }
 
 /// Returns a text with the first index at which the items differ and both items, each cut to 300
-/// characters, or with the numbers of items if only these differ; `None` if all items are equal.
+/// characters. If only the numbers of items differ, the text contains both numbers. Returns `None`
+/// if all items are equal.
 pub fn first_difference<T: PartialEq + Debug>(expected: &[T], found: &[T]) -> Option<String> {
     let text = |item: &T| format!("{item:?}").chars().take(300).collect::<String>();
     let mut pairs = expected.iter().zip(found).enumerate();

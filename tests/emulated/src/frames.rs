@@ -11,8 +11,8 @@ use pipeline::{Mains, Sample};
 
 use crate::compare::first_difference;
 
-/// Calls `select` with header and message of each intact frame in `sent`, and collects what it
-/// returns.
+/// Calls `select` with header and message of each intact frame in `sent`, and collects the values
+/// that `select` returns.
 pub fn filter_map<T>(
     mut sent: &[u8],
     mut select: impl FnMut(Header, ToHost<'_>) -> Option<T>,
@@ -80,7 +80,7 @@ pub struct Boot {
     pub hellos: Vec<(ResetCause, String)>,
     /// Every `Capabilities` message, encoded by [`encoded`].
     pub capabilities: Vec<Vec<u8>>,
-    /// Codes, each after the device time of its frame in microseconds.
+    /// Codes, each with the device time of its frame in microseconds.
     pub timed_codes: Vec<(u64, SentCode)>,
     /// Reports on the quality of the electrodes, one per second.
     pub quality: Vec<Quality>,
@@ -91,7 +91,7 @@ pub struct Boot {
     pub timing: Timing,
     /// Replies to commands, in the order in which the board has sent them.
     pub acks: Vec<Ack>,
-    /// Replies to `SyncTime`, each after the device time of its frame in microseconds.
+    /// Replies to `SyncTime`, each with the device time of its frame in microseconds.
     pub clock_readings: Vec<(u64, ClockReading)>,
     /// Number of frames that arrived intact.
     pub frames: u32,

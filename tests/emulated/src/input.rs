@@ -75,8 +75,8 @@ impl Input {
     }
 }
 
-/// Returns the first `count` samples of a recording, or all of a shorter one, in the model's
-/// montage and rate.
+/// Returns the first `count` samples of a recording, or all its samples if it is shorter, in the
+/// model's montage and at the model's rate.
 fn recorded(path: &Path, count: usize) -> Vec<[i32; CHANNELS]> {
     let recording = Recording::open(path);
     let recording = recording.unwrap_or_else(|error| panic!("{}: {error}", path.display()));

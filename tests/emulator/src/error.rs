@@ -27,12 +27,12 @@ pub enum EmulatorError {
         /// Exit status of cargo, or what its messages lacked.
         why: String,
     },
-    /// The emulator did not start or ended with an error, or the image ended with an error or was
-    /// silent for too long.
+    /// The emulator did not start or ended with an error, or the image ended with an error or
+    /// printed nothing for too long.
     #[error("the image failed: {why}; it printed: {output}\n  next: run it by hand: `{command}`")]
     Failed {
-        /// Exit status of the emulator, the duration of the silence, or the operating system's
-        /// reason.
+        /// Exit status of the emulator, the time for which the image printed nothing, or the
+        /// operating system's reason.
         why: String,
         /// All lines that the image printed, separated by slashes.
         output: String,

@@ -1,4 +1,4 @@
-//! Images for microcontrollers: builds them with cargo, and keeps a copy of each.
+//! Builds images for microcontrollers with cargo, and stores a copy of each.
 
 use std::env;
 use std::fs;

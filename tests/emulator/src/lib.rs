@@ -2,8 +2,8 @@
 //!
 //! [`Image::build`] compiles an image for one of the two emulated [`MACHINES`]. [`Qemu`] assembles
 //! the command line and runs the image to its end: it passes on each line that the image prints,
-//! and fails when the image stays silent for too long. The UART is a file, a pair of named pipes or
-//! a TCP port.
+//! and fails when the image prints nothing for too long. The UART is a file, a pair of named pipes
+//! or a TCP port.
 //!
 //! ```text
 //! Image::build ── cargo ──> copy in target/emulator/ ──> Qemu ──> qemu-system-arm

@@ -128,7 +128,7 @@ impl Qemu {
 }
 
 /// Runs a command, calls `on_line` with each line of its standard output, and returns its exit
-/// status. Kills a command that is silent for longer than `silence`.
+/// status. Kills a command that prints nothing for longer than `silence`.
 fn pass_on(
     command: &mut Command,
     silence: Duration,

@@ -1,5 +1,5 @@
-//! Files from untrusted sources: other programs' recordings, the bridge's recordings, files of
-//! codes.
+//! Fuzz targets for files from untrusted sources: other programs' recordings, the bridge's
+//! recordings, files of codes and firmware images.
 
 use std::fs;
 use std::io::Cursor;
@@ -54,8 +54,8 @@ pub(crate) fn gdf_seeds() -> Vec<Vec<u8>> {
     seeds
 }
 
-/// Reads and plays a recording, which must have no more samples and no more events than bytes, and
-/// whose played samples must fit the ADC.
+/// Reads and plays a recording. The recording must have no more samples and no more events than the
+/// input has bytes, and the played samples must fit the ADC.
 pub(crate) fn recording(bytes: &[u8]) -> Outcome {
     let Ok(mut recording) = Recording::from_source(Cursor::new(bytes.to_vec())) else {
         return Outcome::Refused;
@@ -98,7 +98,8 @@ pub(crate) fn wire_recording_seeds() -> Vec<Vec<u8>> {
     vec![recorder.take()]
 }
 
-/// Reads a recording of the bridge. Records and skipped bytes together must not exceed the file.
+/// Reads a recording of the bridge. The header, the records' contents and the skipped bytes
+/// together must not be longer than the file.
 pub(crate) fn wire_recording(bytes: &[u8]) -> Outcome {
     let Ok(mut reader) = RecordingReader::new(bytes) else {
         return Outcome::Refused;

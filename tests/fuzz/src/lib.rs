@@ -1,5 +1,5 @@
-//! Fuzz targets: each passes untrusted bytes to one reader, and panics if the reader breaks a
-//! promise, such as that a file which was read can be written again.
+//! Fuzz targets: each passes untrusted bytes to one reader, and panics if the reader violates a
+//! property that the target checks, such as that a file which was read can be written again.
 //!
 //! `cargo fuzz` searches for inputs that make a target panic. The tests of this crate run a
 //! bounded, repeatable search; see [`search`].
@@ -29,10 +29,10 @@ pub struct Target {
     pub name: &'static str,
     /// Returns valid inputs.
     seeds: fn() -> Vec<Vec<u8>>,
-    /// Reads one input.
+    /// Passes one input to the reader.
     ///
     /// # Panics
-    /// When the reader breaks a promise.
+    /// When the reader violates a property that the target checks.
     read: fn(&[u8]) -> Outcome,
     /// Number of inputs that a [`search`] reads.
     pub inputs: u32,
@@ -53,7 +53,8 @@ impl Outcome {
     }
 }
 
-/// All targets, in alphabetical order. The tests search each target for some seconds.
+/// All targets, in alphabetical order. The tests run each target on mutated inputs for a few
+/// seconds.
 #[rustfmt::skip]
 pub const TARGETS: [Target; 13] = [
     Target { name: "artifact", seeds: model::seeds, read: model::artifact, inputs: 5_000 },
@@ -81,10 +82,10 @@ pub fn target(name: &str) -> Target {
 }
 
 impl Target {
-    /// Reads one input.
+    /// Passes one input to the target's reader.
     ///
     /// # Panics
-    /// When the reader breaks a promise.
+    /// When the reader violates a property that the target checks.
     pub fn read(&self, bytes: &[u8]) -> Outcome {
         (self.read)(bytes)
     }
@@ -95,16 +96,16 @@ impl Target {
     }
 }
 
-/// Reads one input with the target called `name`, for `cargo fuzz`.
+/// Passes one input to the target called `name`; called by `cargo fuzz`.
 ///
 /// # Panics
-/// When the reader breaks a promise, or no target has this name.
+/// When the reader violates a property that the target checks, or no target has this name.
 pub fn run(name: &str, bytes: &[u8]) {
     target(name).read(bytes);
 }
 
-/// Returns inputs of a target that once broke a promise, from the folder `corpus`, in the order of
-/// their file names.
+/// Returns the inputs, stored in the folder `corpus`, for which the target's reader once violated a
+/// checked property. They are in the order of their file names.
 ///
 /// # Panics
 /// When a stored input cannot be read.
@@ -128,11 +129,11 @@ pub struct Searched {
     pub refused: u32,
 }
 
-/// Reads [`Target::inputs`] mutations of the seeds and of the [`corpus`]; every search reads the
-/// same ones.
+/// Passes [`Target::inputs`] mutations of the seeds and of the [`corpus`] to the target's reader.
+/// Every search uses the same mutations.
 ///
 /// # Panics
-/// When the reader breaks a promise; prints the input first.
+/// When the reader violates a property that the target checks; prints the input first.
 pub fn search(target: &Target) -> Searched {
     let seeds = [target.seeds(), corpus(target.name)].concat();
     let mut random = ChaCha8Rng::seed_from_u64(1);

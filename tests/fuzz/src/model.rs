@@ -1,4 +1,4 @@
-//! The files of a trained model.
+//! Fuzz target for the files of a trained model.
 
 use std::fs;
 use std::sync::LazyLock;

@@ -1,4 +1,4 @@
-//! What browsers and others send to the live page.
+//! Fuzz target for what browsers and other programs send to the live page.
 
 use view::{Command, Request};
 
@@ -17,8 +17,9 @@ pub(crate) fn request_seeds() -> Vec<Vec<u8>> {
     .into()
 }
 
-/// Reads bytes as a request, and its body as each command. A request must stay the same when more
-/// bytes follow, and the contents of a command must be within their limits.
+/// Parses bytes as a request, and the request's body as each kind of command. The parsed request
+/// must stay the same when more bytes follow, and the contents of a command must be within their
+/// limits.
 pub(crate) fn request(bytes: &[u8]) -> Outcome {
     let read = Request::from_bytes(bytes);
     if read.is_some() {

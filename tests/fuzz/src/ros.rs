@@ -1,4 +1,5 @@
-//! What other ROS nodes send: XML-RPC calls and replies, connection headers and messages.
+//! Fuzz targets for what other ROS nodes send: XML-RPC calls and replies, connection headers and
+//! messages.
 
 use neuro_ros::{DiagnosticArray, NeuroEvent, NeuroFrame, Wire};
 use ros1::tcpros::Header;
@@ -24,8 +25,9 @@ pub(crate) fn xmlrpc_seeds() -> Vec<Vec<u8>> {
     .into()
 }
 
-/// Decodes bytes as a call and as a reply. What was decoded must be the same after encoding and
-/// decoding it once more; its text may differ, because XML cannot hold control characters.
+/// Decodes bytes as a call and as a reply. Encodes what was decoded, decodes the XML and encodes
+/// the result again: both encodings must be equal. They may differ from the input, because XML
+/// cannot hold control characters.
 pub(crate) fn xmlrpc(bytes: &[u8]) -> Outcome {
     let call = decode_call(bytes);
     if let Ok(call) = &call {
@@ -50,7 +52,7 @@ pub(crate) fn tcpros_seeds() -> Vec<Vec<u8>> {
         .with("type", "rosneuro_msgs/NeuroFrame");
     let header = header.encode().expect("a short header");
     vec![
-        // Without the length, which `Header::decode` does not read.
+        // Leave out the length field, which `Header::decode` does not read.
         header[4..].to_vec(),
         NeuroFrame::default().to_bytes(),
         NeuroEvent::default().to_bytes(),

@@ -1,4 +1,4 @@
-//! Models that a host uploads to a device.
+//! Fuzz target for models that a host uploads to a device.
 
 use any_model::any_linear_for;
 use artifact::Artifact;
@@ -20,9 +20,9 @@ pub(crate) fn seeds() -> Vec<Vec<u8>> {
     uploads.filter_map(|upload| upload.expect("it fits the device")).collect()
 }
 
-/// Uploads a model with a valid CRC, whatever its bytes, and encodes noise and rails with it. A
-/// device that accepts the model must make blocks of the permitted length; no model may make a
-/// device hang or panic.
+/// Uploads a model with a valid CRC, whatever its bytes, and encodes noise and the ADC's extreme
+/// values with it. A device that accepts the model must make blocks of the permitted length; no
+/// model may make a device hang or panic.
 pub(crate) fn uploaded_model(bytes: &[u8]) -> Outcome {
     let outbox = Outbox::new(WhenFull::Wait);
     let mut board = VirtualBoard::new(Identity::default(), Mains::Hz50, outbox.clone());

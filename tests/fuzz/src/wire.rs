@@ -1,4 +1,5 @@
-//! What arrives over the link: frames at the bridge, commands at a device.
+//! Fuzz targets for the bytes that arrive over the link: frames at the bridge, and commands at a
+//! device.
 
 use std::sync::{Arc, LazyLock};
 
@@ -17,8 +18,8 @@ use crate::Outcome;
 /// Time between two samples of the board, microseconds, rounded down.
 const PERIOD_US: u64 = 1_000_000 / model::ADC_RATE_HZ as u64;
 
-/// Returns what a board sends in the first 1.5 s of a run of all streams, and of a run of each
-/// stream alone.
+/// Returns what a board sends in the first 1.5 s after it has started all streams, and after it has
+/// started codes, raw samples or packed blocks alone.
 pub(crate) fn frame_seeds() -> Vec<Vec<u8>> {
     static SEEDS: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| {
         let runs = [Streams::ALL, Streams::CODES, Streams::RAW, Streams::PACKED];
@@ -27,7 +28,7 @@ pub(crate) fn frame_seeds() -> Vec<Vec<u8>> {
     SEEDS.clone()
 }
 
-/// Returns what a board sends in the first 1.5 s of a run.
+/// Returns what a board sends in the first 1.5 s after it has started `streams`.
 pub(crate) fn stream(streams: Streams) -> Vec<u8> {
     let outbox = Outbox::new(WhenFull::Wait);
     let mut board = VirtualBoard::new(Identity::default(), Mains::Hz50, outbox.clone());
@@ -194,7 +195,7 @@ pub(crate) fn commands(bytes: &[u8]) -> Outcome {
     Outcome::accepted_if(raw | sealed)
 }
 
-/// Returns whether the board answered a command.
+/// Passes the bytes to a streaming virtual board. Returns whether the board answered a command.
 fn read_commands(bytes: &[u8]) -> bool {
     let outbox = Outbox::new(WhenFull::Wait);
     let mut board = VirtualBoard::new(Identity::default(), Mains::Hz50, outbox.clone());

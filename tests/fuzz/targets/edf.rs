@@ -1,4 +1,4 @@
-//! Searches inputs of the target `edf`.
+//! Fuzzes the target `edf`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| fuzz::run("edf", bytes));

@@ -1,4 +1,4 @@
-//! Searches inputs of the target `gdf`.
+//! Fuzzes the target `gdf`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| fuzz::run("gdf", bytes));

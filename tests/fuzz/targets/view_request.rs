@@ -1,4 +1,4 @@
-//! Searches inputs of the target `view_request`.
+//! Fuzzes the target `view_request`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| fuzz::run("view_request", bytes));

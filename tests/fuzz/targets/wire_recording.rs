@@ -1,4 +1,4 @@
-//! Searches inputs of the target `wire_recording`.
+//! Fuzzes the target `wire_recording`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| fuzz::run("wire_recording", bytes));

@@ -1,4 +1,4 @@
-//! Searches inputs of the target `xmlrpc`.
+//! Fuzzes the target `xmlrpc`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| fuzz::run("xmlrpc", bytes));

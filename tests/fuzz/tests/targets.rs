@@ -1,5 +1,5 @@
-//! Every target accepts its seeds, and keeps its promises for the stored inputs and for thousands
-//! of mutations, which are the same in every run.
+//! Checks that every target accepts its seeds, and that no target panics for the stored inputs or
+//! for thousands of mutations, which are the same in every run.
 #![allow(missing_docs, reason = "tests")]
 
 use fuzz::{Outcome, corpus, search, target};
@@ -45,7 +45,7 @@ fn check(name: &str) {
     }
     let searched = search(&target);
     println!("{name}: {searched:?}");
-    // If all inputs ended alike, the search would not get past the target's first check.
+    // If all inputs had the same outcome, the search would not get past the target's first check.
     assert!(searched.accepted > target.inputs / 100, "{searched:?}");
     assert!(searched.refused > 0, "{searched:?}");
 }

@@ -54,7 +54,8 @@ mod image {
         end(failed == 0)
     }
 
-    /// Creates the pipeline's state. Not inlined, so that its large stack frame is freed.
+    /// Creates the pipeline's state. Not inlined, so that its large stack frame is freed when it
+    /// returns.
     #[inline(never)]
     fn device() -> &'static mut Device {
         DEVICE.init_with(Device::new)

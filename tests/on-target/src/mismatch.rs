@@ -16,7 +16,7 @@ pub struct Mismatch {
 }
 
 impl Mismatch {
-    /// Adds `before` to the index: how many numbers the slices before this one have.
+    /// Adds `before`, the total length of the slices before this one, to the index.
     pub(crate) fn offset_by(self, before: usize) -> Self {
         Self { index: self.index.map(|index| before + index), ..self }
     }

@@ -47,7 +47,8 @@ impl Default for Device {
 
 /// Checks the network in flash against its checksum from the build.
 pub(crate) fn check_network_sum() -> Result<(), Mismatch> {
-    // `black_box` hides the network's contents from the compiler, which must read the flash.
+    // `black_box` hides the network's contents from the compiler, so the compiled code must read
+    // the flash.
     expect_equal("sum", &[NETWORK_CHECKSUM], &[black_box(&NETWORK).checksum()])
 }
 

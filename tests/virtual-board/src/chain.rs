@@ -118,7 +118,7 @@ impl Wires {
         }
     }
 
-    /// Advances the simulated converters to `now_ns` and returns the state of DRDY then.
+    /// Advances the simulated converters to `now_ns` and returns the state of DRDY at that time.
     pub(crate) fn advance_to(&mut self, now_ns: u64) -> DrdyState {
         self.simulation.advance_to(now_ns);
         let edges = self.simulation.ready_edges();

@@ -130,10 +130,10 @@ pub(crate) trait Chip: Mcu + fmt::Debug + Send {
     /// bit.
     fn damage_uart(&mut self, per_million: u32);
 
-    /// Returns the frequency of SCLK in Hz to which the SPI registers are set.
+    /// Returns the frequency of SCLK, in Hz, that the SPI registers select.
     fn sclk_hz(&self) -> u32;
 
-    /// Returns the frequency of the core clock in Hz to which the RCC registers are set.
+    /// Returns the core clock frequency, in Hz, that the RCC registers select.
     fn core_hz(&self) -> u64;
 
     /// Returns whether the chip drives `pin` high; `None` if the pin is no general-purpose output.

@@ -20,7 +20,7 @@ pub(crate) struct Redirect {
     pub(crate) to: u64,
 }
 
-/// Bits of a register that read as 0 while `holds`, whatever the emulator's model returns.
+/// Bits of a register that read as 0 while `holds` is true, whatever the emulator's model returns.
 #[derive(Clone, Debug)]
 pub(crate) struct ClearedBits {
     /// Address of the 32-bit register.

@@ -113,7 +113,7 @@ const F4: &[Reason] = &[
 /// Largest number of lines that a section of a snapshot shows; earlier lines are left out.
 const LINES: usize = 16;
 
-/// Error of a virtual board, with a description of the board's state at that time.
+/// Error of a virtual board, with a description of the board's state when the error occurred.
 #[derive(Clone, thiserror::Error)]
 #[error("{what}\n{snapshot}")]
 pub struct BoardError {

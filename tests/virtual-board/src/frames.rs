@@ -60,7 +60,7 @@ pub enum Kind {
     Other,
 }
 
-/// Decodes the bytes that the device sends and keeps the frames.
+/// Decodes the bytes that the device sends and stores the frames.
 #[derive(Debug)]
 pub struct Inbox {
     decoder: Decoder<MAX_FRAME>,

@@ -42,7 +42,7 @@ impl Injection {
             Self::Hang => change.registers.push((PC, word(image.find_instruction(LOOP)?))),
             Self::HardFault => change.registers.push((PC, 0x5FFF_FF00)),
             Self::WildStack => {
-                // Let the stack pointer point into the unused memory behind the failure record.
+                // Let the stack pointer point into the unused memory after the failure record.
                 let spare = word(image.address("_kept")? + SPARE + 0xF0);
                 change.registers.extend([(SP, spare), (PC, 0x5FFF_FF00)]);
             }

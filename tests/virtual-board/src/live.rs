@@ -75,7 +75,7 @@ pub fn run(
     Ok(())
 }
 
-/// Largest number of bytes that one call reads from the socket.
+/// Largest number of bytes that are read from the socket at once.
 const CHUNK: usize = 4096;
 
 /// A TCP port that exchanges bytes with the host's end of a virtual board's port.
@@ -128,8 +128,8 @@ impl TcpPort {
         let Some(host) = &mut self.host else {
             return sent.len();
         };
-        // Open the port again in case the device has just been configured, for example after a
-        // restart.
+        // Open the port again if it is closed and the device is configured, for example after a
+        // restart of the device.
         port.keep_open();
         self.waiting.extend_from_slice(&sent);
         if exchange(host, &mut self.waiting, port).is_err() {

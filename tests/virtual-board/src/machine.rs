@@ -139,7 +139,7 @@ impl VirtualBoard {
         &self.port
     }
 
-    /// Returns the frames that were decoded in all runs so far.
+    /// Returns all frames decoded so far from the bytes that the device has sent.
     pub const fn inbox(&self) -> &Inbox {
         &self.inbox
     }

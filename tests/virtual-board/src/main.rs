@@ -20,8 +20,9 @@ struct Options {
     /// The image: the ELF file that `cargo flash` writes.
     #[arg(long)]
     image: PathBuf,
-    /// The folder of the model with which the image was built, which says what converters the board
-    /// has. The default is eight in a daisy chain at 512 Hz, those of the checked-in model.
+    /// The folder of the model with which the image was built; the model determines which
+    /// converters the board has. The default is eight converters in a daisy chain at 512 Hz, as for
+    /// the checked-in model.
     #[arg(long)]
     artifact: Option<PathBuf>,
     /// TCP port on 127.0.0.1 for the bridge (`--port tcp:127.0.0.1:5556`); 0 lets the system

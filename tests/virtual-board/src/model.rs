@@ -18,7 +18,8 @@ pub enum Model {
 }
 
 impl Model {
-    /// Returns the facts about this type of board.
+    /// Returns the fixed properties of this type of board, such as its name, clock rates, memories
+    /// and pins.
     pub const fn facts(self) -> &'static Facts {
         match self {
             Self::H743 => &H743,
@@ -178,9 +179,9 @@ pub(crate) struct Pins {
     pub(crate) mosi: Pin,
     /// Chip selects of the converters, in the order of the chain.
     pub(crate) selects: &'static [Pin],
-    /// `None` if the board has wired START low.
+    /// Pin connected to the converters' START; `None` if the board ties START low.
     pub(crate) start: Option<Pin>,
-    /// `None` if the board has wired RESET high.
+    /// Pin connected to the converters' RESET; `None` if the board ties RESET high.
     pub(crate) reset: Option<Pin>,
     pub(crate) drdy: Pin,
     pub(crate) trigger: Pin,

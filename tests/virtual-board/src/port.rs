@@ -36,8 +36,8 @@ impl Port {
         }
     }
 
-    /// Opens a closed USB port once the device is configured, like a host program that waits for
-    /// the device.
+    /// If the USB port is closed and the device is configured, opens the port, like a host program
+    /// that waits for the device.
     pub(crate) fn keep_open(&self) {
         if let Self::Usb(host) = self
             && host.state() == State::Configured

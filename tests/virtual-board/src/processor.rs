@@ -15,13 +15,13 @@ use rigless::time::VirtualNanos;
 
 use crate::core_bus::{Bus, Differences, forward};
 
-/// Number of the latest program counters that are kept. Failed accesses are recorded until there
-/// are at least this many.
+/// Number of the newest program counters that are stored. Failed accesses are recorded until at
+/// least this number of them is stored.
 const KEPT: usize = 16;
 
-/// Handle of the running core: returns what the wrapper has recorded, and takes register changes
-/// and read requests, which the wrapper serves before the next call of [`Processor::run`]. All
-/// clones share one state.
+/// Handle of the running core: returns what the core's wrapper has recorded, and takes register
+/// changes and read requests, which the wrapper carries out before the next call of
+/// [`Processor::run`]. All clones share one state.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Observer(Arc<Mutex<Observed>>);
 
@@ -142,7 +142,7 @@ struct Core {
 }
 
 impl Drop for Core {
-    /// Keeps the wrapped core for the next board that runs the image.
+    /// Stores the wrapped core for the next board that runs the image.
     fn drop(&mut self) {
         let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
         idle.push(IdleCore {

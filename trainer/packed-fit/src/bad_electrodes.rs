@@ -19,8 +19,8 @@ const SILENT_UV: f64 = 0.1;
 const BAD_INNOVATION: f64 = 100.0;
 
 /// Second condition for a bad electrode: the energy of its innovation is more than this fraction of
-/// its own energy, so the other electrodes hardly predict it. In the same recordings, the fraction
-/// is 0.95 to 0.99 for FT8 of S004 and up to 0.69 for FT7 of S006.
+/// the energy of its signal, so the other electrodes hardly predict it. In the recordings of
+/// [`BAD_INNOVATION`], the fraction is 0.95 to 0.99 for FT8 of S004 and up to 0.69 for FT7 of S006.
 const BAD_PART: f64 = 0.8;
 
 /// Finds the bad electrodes of one person's recordings, and interpolates them.
@@ -80,9 +80,10 @@ fn energies(rows: &DMatrix<f64>) -> Vec<f64> {
     energies.collect()
 }
 
-/// Returns the indices of the electrodes of a recording that are newly found to be bad: those whose
-/// innovation is above the limits and at least half of the largest such innovation. `prediction`
-/// predicts each electrode from the others. An electrode that the recording lacks is never bad.
+/// Returns the indices of the electrodes of a recording that are newly found to be bad. Their
+/// innovation exceeds both limits, and it is at least half of the largest innovation that exceeds
+/// them. `prediction` predicts each electrode from the others. An electrode that the recording
+/// lacks is never bad.
 fn noisy_electrodes(prediction: &DMatrix<f64>, track: &Track, electrodes: &[String]) -> Vec<usize> {
     let innovation = residual(prediction, track);
     let [signal, all] = [energies(&columns(track).map(f64::from)), energies(&innovation)];

@@ -1,4 +1,4 @@
-//! Band-pass for decoders of a frequency band, and parsing of bands.
+//! Band-pass filtering of tracks, and parsing of frequency bands.
 
 use crate::track::Track;
 use nalgebra::DMatrix;

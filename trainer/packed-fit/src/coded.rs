@@ -15,7 +15,8 @@ pub(crate) type Histogram = [[[u32; MAGNITUDES]; LEVELS]; 2];
 pub(crate) struct Coded {
     /// Decoder state after each block, `[block][coefficient]`.
     pub(crate) states: Vec<i16>,
-    /// Magnitudes of all coefficients with their signs, `[block][coefficient]`.
+    /// Quantised residuals of all coefficients, each a magnitude with its sign,
+    /// `[block][coefficient]`.
     pub(crate) magnitudes: Vec<i32>,
     /// Length of each block in bytes.
     pub(crate) bytes: Vec<usize>,

@@ -11,7 +11,8 @@ use artifact::{Description, PackedFigures, PackedModel, reconstruction};
 use nalgebra::DMatrix;
 use packed::Rate;
 
-/// Number of blocks from one block without prediction to the next, as on a device: 4 s.
+/// Number of blocks from one block without prediction to the next. The 64 blocks last 4 s, the same
+/// interval as on a device.
 const RESET: usize = 64;
 
 /// Number of blocks at each end of a sequence that are excluded from errors: at the start, the
@@ -107,7 +108,8 @@ pub(crate) fn evaluate_with_resets(
     Ok(figures.collect())
 }
 
-/// Returns the mean squared error of decoded sequences, without the [`EDGE`] blocks at their ends.
+/// Returns the mean squared error of decoded sequences, without the [`EDGE`] blocks at both ends of
+/// each sequence.
 fn mean_squared_error(original: &[DMatrix<f32>], decoded: &[DMatrix<f32>]) -> f64 {
     let (mut error, mut values) = (0.0, 0.0_f64);
     for (original, decoded) in original.iter().zip(decoded) {

@@ -16,7 +16,8 @@ use artifact::{
 use nalgebra::DMatrix;
 use packed::{LEVELS, MAGNITUDES, MAX_COEFFICIENTS, RATES, Rate};
 
-/// Rate at which the probabilities are trained; the probabilities of other rates follow from it.
+/// Rate at which the probabilities are trained; the probabilities at other rates follow from those
+/// at this rate.
 const BASE_RATE: Rate = Rate::MIDDLE;
 
 /// Smallest misfit threshold, in units of the training data's variance. A block is a misfit if the
@@ -24,16 +25,17 @@ const BASE_RATE: Rate = Rate::MIDDLE;
 /// recordings of one person (EEGMMIDB S001) this mean square is 0.002 on average.
 const MISFIT: f64 = 0.01;
 
-/// Smallest ratio of the misfit threshold to the mean square that the coefficients do not represent
-/// in the training data. With several people in the training data, this mean square is larger.
+/// Smallest ratio of the misfit threshold to the mean square of the part of the training data that
+/// the coefficients do not represent. With several people in the training data, this mean square is
+/// larger.
 const MISFIT_RATIO: f64 = 4.0;
 
 /// Default number of coefficients of a block: enough to represent EEG of 61 electrodes within 0.3 %
 /// of its variance.
 const COEFFICIENTS: usize = 176;
 
-/// Number of rounds of training the probabilities, each of which codes the training blocks and
-/// counts the magnitudes.
+/// Number of rounds in which the probabilities are trained. Each round codes the training blocks
+/// and counts the magnitudes.
 const ROUNDS: usize = 4;
 
 /// Returns the number of coefficients of a block: `wanted` if it is given, otherwise the default
@@ -71,7 +73,8 @@ pub fn fit(
     let metric = metric.transpose()?;
     let transform = match &metric {
         Some(metric) => {
-            // The quantiser's points are two steps apart.
+            // The points of a quantiser are two steps apart. The mean squared error is the square
+            // of this distance over 12.
             let distance = 2.0 * f64::from(BASE_RATE.step()) * UNIT_UV / sd_uv;
             let theta = distance.powi(2) / 12.0;
             Transform::fit_weighted(&blocks, count, metric, electrodes, theta)?

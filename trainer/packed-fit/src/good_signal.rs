@@ -8,7 +8,8 @@ use crate::track::Track;
 const MOST_BAD: f64 = 0.25;
 
 /// Signal of a person without the parts that would spoil a fit. It has only the seconds in which at
-/// least three quarters of the electrodes are good; there, the bad electrodes are interpolated.
+/// least three quarters of the electrodes are good; in these seconds, the bad electrodes are
+/// interpolated.
 ///
 /// Electrodes are judged in each second as `trainer` judges them in each recording. An electrode
 /// that is bad in at least a quarter of the seconds with a signal counts as bad in all of them.
@@ -45,7 +46,7 @@ impl GoodSignal {
         let silent = judged - seconds.len();
         let mut own: Vec<&mut Track> = seconds.iter_mut().map(|(.., second)| second).collect();
         if !own.is_empty() {
-            // Only a silent second is an error, and silent seconds have been removed.
+            // Interpolation fails only for a silent second, and silent seconds have been removed.
             let _ = interpolate_bad(&mut own, electrodes);
         }
         let newest = seconds.last().map(|(.., newest)| &newest.bad);
@@ -67,7 +68,8 @@ impl GoodSignal {
                 continue;
             }
             interpolate(&mut second, electrodes);
-            // Clear the list: a stretch joins seconds whose bad electrodes differ.
+            // Clear the list of bad electrodes: it differs between the seconds that a stretch
+            // joins.
             second.bad.clear();
             match signal.tracks.last_mut().filter(|_| end == Some((index, start))) {
                 Some(track) => track.values.extend(second.values),

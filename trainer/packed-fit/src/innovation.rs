@@ -1,4 +1,4 @@
-//! The innovation of an electrode: its signal minus what the other electrodes predict of it.
+//! The innovation of an electrode: its signal minus the prediction from the other electrodes.
 
 use crate::directions::second_moment;
 use crate::track::Track;

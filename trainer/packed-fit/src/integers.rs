@@ -21,8 +21,8 @@ const SMALLEST_SUM: f64 = 1e-12;
 /// Number of state units in one unit of the rounded state, from which blocks are predicted.
 const STATE_UNIT: f64 = 8.0;
 
-/// Returns the analysis of blocks in integers. `slices` holds the end of each slice of a block's
-/// inputs; the device processes one slice at each step.
+/// Returns the matrix that analyses blocks, in integers. `slices` holds the end of each slice of a
+/// block's inputs; the device processes one slice at each step.
 pub(crate) fn analysis(transform: &Transform, slices: &[usize]) -> IntegerMatrix {
     let directions = &transform.directions;
     IntegerMatrix::quantised(directions.as_slice(), directions.nrows(), 1.0, |weights| {

@@ -26,7 +26,8 @@ pub struct PersonalCode {
     /// Percent root-mean-square difference between the last quarter of the signal and its
     /// reconstruction from integer codes, with a code that was fitted to the first three quarters.
     pub own_prd: f64,
-    /// The same figure for the other model's codes, on the same quarter.
+    /// Percent root-mean-square difference between the last quarter of the signal and its
+    /// reconstruction from the other model's integer codes.
     pub other_prd: f64,
 }
 

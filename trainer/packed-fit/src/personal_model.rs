@@ -14,15 +14,15 @@ pub struct PersonalModel {
     /// Figures at all rates, finest first, on the last quarter of the signal, with a model that was
     /// fitted to the first three quarters.
     pub own: Vec<RateFigures>,
-    /// Figures of the model that it is compared with, on the same quarter.
+    /// Figures of the model in the comparison, `other`, on the last quarter of the signal.
     pub other: Vec<RateFigures>,
-    /// Mean square of the last quarter, in units of `input.sd_uv` squared.
+    /// Mean square of the signal in the last quarter, in units of `input.sd_uv` squared.
     pub power: f64,
 }
 
 impl PersonalModel {
-    /// Fits a packed model with the coefficient count and the rate of `other`, for the least error
-    /// weighted by `weight`, and compares it with `other`. Reports its progress to `report`.
+    /// Fits a packed model that has the coefficient count and the rate of `other` and the least
+    /// error weighted by `weight`, and compares the two models. Reports its progress to `report`.
     ///
     /// # Errors
     /// If the signal does not determine a model.
@@ -121,7 +121,8 @@ pub(crate) mod tests {
         assert!(at_equal_bits(&same) < 0.7, "{}", at_equal_bits(&same));
         assert_eq!(same.model.coefficients(), 32);
         assert_eq!(same.model.description.rate, 6);
-        // A fit that included the last quarter would know its head, so the error would be small.
+        // The last quarter is of another head. A fit that included it would know this head, so the
+        // error would be small.
         let changed = personal(vec![head(1, 60), head(2, 20)], &other);
         assert!(at_equal_bits(&changed) > 1.3, "{}", at_equal_bits(&changed));
         let power = |track: &Track| {

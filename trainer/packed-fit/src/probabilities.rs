@@ -9,8 +9,9 @@ const LEAST_MEAN: f64 = 0.0015;
 /// Highest level.
 const LAST_LEVEL: f64 = 63.0;
 
-/// Weight, in coded magnitudes, of the distribution that is assumed for a level. It is added to the
-/// counts of the magnitudes that were coded at the level.
+/// Weight of the distribution that is assumed for a level, as a number of magnitudes. The
+/// distribution, multiplied by this weight, is added to the counts of the magnitudes that were
+/// coded at the level.
 const ASSUMED: f64 = 20.0;
 
 /// Returns the natural logarithm of the ratio of the mean magnitudes of two neighbouring levels.
@@ -58,8 +59,8 @@ pub(crate) fn mean_magnitudes(coded: &[Coded], count: usize) -> Vec<f64> {
     means(magnitudes, count, |magnitude| magnitude.unsigned_abs().into())
 }
 
-/// Estimates the mean magnitude of each coefficient for the case that every block is coded without
-/// prediction. The first block of each sequence does not count. `two_steps` is twice the quantiser
+/// Estimates the mean magnitude that each coefficient would have if every block were coded without
+/// prediction. The first block of each sequence is left out. `two_steps` is twice the quantiser
 /// step and corresponds to magnitude 1; 0.2 is subtracted for the quantiser's dead zone.
 pub(crate) fn mean_sizes(coefficients: &[Vec<i16>], count: usize, two_steps: f64) -> Vec<f64> {
     let coefficients = coefficients.iter().map(Vec::as_slice);

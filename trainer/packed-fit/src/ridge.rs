@@ -7,7 +7,8 @@ use crate::integers::Scale;
 use artifact::PackedModel;
 use nalgebra::{DMatrix, DMatrixView};
 
-/// Penalty of the ridge regressions per pair of blocks used.
+/// Penalty of the ridge regressions; [`Ridge::solve`] multiplies it by the number of pairs of
+/// blocks.
 pub(crate) const PENALTY: f64 = 1.0 / 150.0;
 
 /// Sums from which a linear map is fitted: products of the map's inputs with each other and with

@@ -13,15 +13,16 @@ use packed::{PROBE_SHIFT, PROBES};
 const ROUNDS: usize = 2;
 
 /// Step of the dead-zone quantiser that replaces the device's quantiser during the fit, in units of
-/// `input.sd_uv`. With [`ROUNDING`], its error is about the error at rate 4.
+/// `input.sd_uv`. With [`ROUNDING`], its error is about the error of the device's quantiser at rate
+/// 4.
 const STEP: f32 = 0.6;
 
 /// Fraction of a [`STEP`] that is added to a magnitude before rounding down.
 const ROUNDING: f32 = 0.35;
 
 /// Power below which a direction of a block is quiet, relative to the mean power of a value. With
-/// this ratio, probes of EEGMMIDB S001 to S008 detect noise on one electrode, and exchanged
-/// electrodes, at least as often as an unweighted model does by its unrepresented energy.
+/// this ratio, the probes detect noise on one electrode and exchanged electrodes in EEGMMIDB S001
+/// to S008 at least as often as an unweighted model detects them by its unrepresented energy.
 const QUIET: f64 = 0.01;
 
 /// Consecutive blocks of one or several recordings. A block is a hop of time steps.
@@ -56,8 +57,9 @@ impl Blocks {
 /// Directions of a block, and the prediction of the next block.
 #[derive(Clone, Debug)]
 pub(crate) struct Transform {
-    /// Directions, `[value, coefficient]`, by falling energy of the prediction's residual.
-    /// Orthonormal unless errors are weighted; then the last directions are the probes.
+    /// Directions, `[value, coefficient]`, sorted by the energy of the prediction's residual,
+    /// largest first. Orthonormal unless errors are weighted; with weighted errors, the last
+    /// directions are the probes.
     pub(crate) directions: DMatrix<f64>,
     /// Prediction of a block's coefficients from the previous block's coefficients,
     /// `[coefficient, previous coefficient]`.
@@ -141,8 +143,8 @@ impl Transform {
             let probes: Vec<_> = probes.map(DMatrix::from).collect();
             f64::from(1 << PROBE_SHIFT) * energy(&probes)
         } else {
-            // The directions are orthonormal, so the part that they do not represent is orthogonal
-            // to them.
+            // The directions are orthonormal, so the energy of the part that they do not represent
+            // is the blocks' energy minus the coefficients' energy.
             energy(&blocks.sequences) - energy(&coefficients)
         };
         left.max(0.0) / count.max(1) as f64

@@ -19,12 +19,13 @@ use artifact::ErrorWeight;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use std::f64::consts::PI;
 
-/// Ratio of the floor `s^2` to the median eigenvalue.
+/// Ratio of the floor `s^2` to the median eigenvalue of C, the second moment of the band-passed
+/// electrodes.
 const FLOOR: f64 = 0.1;
 
 /// Band of the mu and beta rhythms, which motor imagery and movement change, Hz.
 const MOTOR_HZ: [f64; 2] = [8.0, 30.0];
-/// Weight of errors in the band if none is given.
+/// Default weight of errors in the band.
 const STRENGTH: f64 = 3.0;
 
 /// Returns the weight of errors for classifiers of `purpose`: `motor` (8 to 30 Hz), or a band such
@@ -42,7 +43,7 @@ pub fn weight_for(purpose: &str) -> Result<ErrorWeight, String> {
     Ok(ErrorWeight { band_hz, strength: STRENGTH })
 }
 
-/// The matrix of a weighted error.
+/// The matrix of a weighted error, as its eigenvectors and eigenvalues.
 #[derive(Clone, Debug)]
 pub struct Metric {
     /// Eigenvectors, `[value, eigenvector]`.
@@ -108,7 +109,7 @@ impl Metric {
     }
 }
 
-/// Returns the matrix B for which x' B x is the energy of `steps` steps x within the band.
+/// Returns the matrix B for which x' B x is the energy in the band of a signal x of `steps` steps.
 fn band(steps: usize, [low_hz, high_hz]: [f64; 2], rate_hz: f64) -> DMatrix<f64> {
     DMatrix::from_fn(steps, steps, |k, l| {
         let lag = k as f64 - l as f64;

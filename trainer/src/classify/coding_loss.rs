@@ -32,24 +32,25 @@ const GUESS: f64 = 0.5;
 /// Options of the figures for classifiers.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct ClassifierLossOptions {
-    /// Events that start the trials of each class, two or more, as in `trainer classify`: then the
-    /// figures for classifiers have the area under the curve too.
+    /// Events that start the trials of each class, two or more, as in `trainer classify`. If they
+    /// are given, the figures for classifiers include the area under the curve.
     #[arg(long, value_delimiter = ',', value_parser = class)]
     events: Vec<Class>,
     #[command(flatten)]
     task: TaskOptions,
 }
 
-/// What classifiers lose with each code, as a table.
+/// Loss of classifiers with each code, as a table.
 #[derive(Clone, Debug)]
 pub(crate) struct ClassifierLossTable {
     /// Area under the ROC curve on the original signals, mean over all people; `None` without
     /// events.
     original_auc: Option<f64>,
-    /// Number of trials of all people; only whole trials after the filters have settled count.
+    /// Number of trials of all people; only whole trials after the filters have settled are
+    /// counted.
     trials: usize,
-    /// For each code: its name, the ratio of the components' power to the power of their error in
-    /// dB, and the area under the ROC curve.
+    /// For each code: its name, the mean ratio in dB of the power of a spatial filter's output to
+    /// the power of its error, and the area under the ROC curve.
     rows: Vec<(String, f64, Option<f64>)>,
 }
 
@@ -61,7 +62,8 @@ pub(crate) struct CodingLoss {
     sections: [[i64; 3]; 2],
     /// Microvolts per unit of the decoded signals.
     unit_uv: f64,
-    /// Trials and events of each recording; `None` without events.
+    /// How trials are cut, where sessions start, and the events of each recording; `None` if no
+    /// events are given.
     task: Option<(Plan, Start, Vec<Events>)>,
     pub(crate) table: ClassifierLossTable,
 }
@@ -112,8 +114,8 @@ impl CodingLoss {
         Ok(loss)
     }
 
-    /// Measures the decoded signals of a code, one signal for each recording, in units of
-    /// `input.sd_uv`.
+    /// Measures the loss of classifiers on the decoded signals of a code, one signal for each
+    /// recording, in units of `input.sd_uv`.
     ///
     /// # Errors
     /// If no device could run a classifier of the decoded signals.
@@ -148,9 +150,9 @@ impl CodingLoss {
         Ok(())
     }
 
-    /// Returns the area under the ROC curve, mean over people; `None` without events. `silent` is
-    /// the area for a person whose decoded signals are all 0; without it, such signals are an
-    /// error.
+    /// Returns the area under the ROC curve, averaged over all people; `None` without events.
+    /// `silent` is the area that is assumed for a person whose decoded signals are all 0; if it is
+    /// `None`, such signals are an error.
     fn auc(&self, tracks: &[Track], silent: Option<f64>) -> Result<Option<f64>, TrainerError> {
         let Some((plan, ..)) = &self.task else {
             return Ok(None);

@@ -69,9 +69,10 @@ fn wilson(right: u32, trials: u32) -> [f64; 2] {
     [centre - width, centre + width].map(|end| end / (1.0 + Z95.powi(2) / n))
 }
 
-/// Returns the area under the ROC curve, mean over all pairs of classes: the fraction of pairs of
-/// trials, one of each class and both from the same part, that the difference of the two classes'
-/// scores orders correctly. 0.5 if no two trials can be compared.
+/// Returns the area under the ROC curve, averaged over all pairs of classes. For two classes, it is
+/// the fraction of pairs of trials, one trial of each class and both from the same part, that are
+/// ordered correctly by the difference between the two classes' scores. 0.5 if no two trials can be
+/// compared.
 fn auc(parts: &[Part], classes: usize, scores: impl Fn(&Decided) -> &Vec<f64>) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for a in 0..classes {

@@ -20,7 +20,7 @@ const SHRINKAGE: f64 = 0.01;
 /// Smallest permitted number of trials of a class.
 const LEAST_TRIALS: usize = 10;
 
-/// The classifier to be fitted, still empty, and the shape of its trials.
+/// The classifier to be fitted, still empty, and the position and length of its trials.
 pub(super) struct Plan {
     /// The classifier without filters and weights.
     empty: Classifier,
@@ -125,9 +125,9 @@ impl Plan {
         self.trial_s[1]
     }
 
-    /// Returns the windows of a trial: as few as cover the trial, evenly spaced, as ranges of hops.
-    /// The event is `seconds` after the start of a session of `hops` hops. `None` if the trial
-    /// extends beyond the session.
+    /// Returns the windows of a trial, as ranges of hops: the smallest number of evenly spaced
+    /// windows that covers the trial. The event is `seconds` after the start of a session of `hops`
+    /// hops. `None` if the trial extends beyond the session.
     pub(super) fn windows(&self, seconds: f64, hops: usize) -> Option<Vec<Range<usize>>> {
         let first = ((seconds + self.trial_s[0]) / self.hop_s()).round();
         let first = (first >= 0.0).then(|| whole(first))?;
@@ -310,7 +310,7 @@ fn discriminant(rule: &mut DecisionRule, features: &[(usize, Vec<f64>)]) {
     let weights: Vec<DVector<f64>> = means.iter().map(|mean| &inverse * mean).collect();
     let biases = means.iter().zip(&weights);
     let biases: Vec<f64> = biases.map(|(mean, w)| -0.5 * mean.dot(w)).collect();
-    // Subtract the mean over classes: only differences between their scores matter.
+    // Subtract the mean over the classes: only differences between the classes' scores matter.
     let classes = means.len() as f64;
     let common = weights.iter().sum::<DVector<f64>>() / classes;
     let common_bias = biases.iter().sum::<f64>() / classes;

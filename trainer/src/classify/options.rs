@@ -23,11 +23,11 @@ pub(crate) struct ClassifyOptions {
     pub(super) events: Vec<Class>,
     #[command(flatten)]
     pub(super) task: TaskOptions,
-    /// Length over which a decision averages, seconds [default: that of --trial].
+    /// Length over which a decision averages, seconds [default: the length of --trial].
     #[arg(long, value_name = "S")]
     pub(super) window: Option<f64>,
-    /// Number of spatial filters, up to 8, the same number for each class [default: 6, or the next
-    /// smaller number that the classes divide].
+    /// Number of spatial filters in all, up to 8 and a multiple of the number of classes [default:
+    /// 6, or the next smaller multiple].
     #[arg(long)]
     pub(super) filters: Option<usize>,
     /// File to write the classifier to.
@@ -45,7 +45,7 @@ pub(crate) struct ClassifyOptions {
     pub(crate) json: bool,
 }
 
-/// What a decoder reads of a recording.
+/// What a decoder reads from a recording: a frequency band, and a part of each trial.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct TaskOptions {
     /// Lower and upper edge of the band-pass, Hz.

@@ -14,9 +14,9 @@ use std::path::PathBuf;
 
 /// A recording and its trials.
 pub(super) struct Session {
-    /// The recording, cut so that its first step is the first step of a hop on a device.
+    /// The recording, cut to begin where a hop begins on a device.
     pub(super) track: Track,
-    /// Trials in the order of time.
+    /// Trials in chronological order.
     pub(super) trials: Vec<Trial>,
 }
 
@@ -68,14 +68,16 @@ impl Session {
 /// Position of a session's first step in its track and in its recording.
 #[derive(Clone, Copy)]
 pub(super) struct Start {
-    /// Number of steps of a track before the first hop of a device.
+    /// Number of steps that are cut off the start of a track, so that the track begins where a hop
+    /// begins on a device.
     pub(super) skipped: usize,
     /// Time in the recording that the first step of the first hop represents, seconds.
     pub(super) seconds: f64,
 }
 
 impl Start {
-    /// Returns the start for tracks from which the settling of the filters has been removed.
+    /// Returns where sessions start in tracks from which the settling time of the filters has been
+    /// removed.
     pub(super) fn new(
         description: &Description,
         mains_hz: u32,
@@ -90,7 +92,7 @@ impl Start {
         })
     }
 
-    /// Returns a track from its first hop on.
+    /// Returns the track without its first `skipped` steps.
     pub(super) fn cut(self, track: &Track) -> Track {
         track.part(self.skipped.min(track.steps())..track.steps())
     }

@@ -1,4 +1,4 @@
-//! Tests classifiers of synthetic trials: sources with known patterns, comparison with numpy, and
+//! Tests classifiers on synthetic trials: sources with known patterns, comparison with numpy, and
 //! random guesses.
 
 use super::figures::{Part, figures};
@@ -178,11 +178,13 @@ fn figures_of_a_few_decisions_are_those_computed_by_hand() {
     };
     let figures = figures(&[part], 2);
     assert_eq!(figures.confusion, [[1, 1], [0, 2]]);
-    // Of four pairs, three are ordered correctly and one is a tie.
+    // Of the four pairs of trials of different classes, three are ordered correctly and one is a
+    // tie.
     assert!((figures.auc - 0.875).abs() < 1e-9 && (figures.auc_float - 0.125).abs() < 1e-9);
     // statsmodels.stats.proportion.proportion_confint(3, 4, method="wilson")
     let [low, high] = figures.accuracy_95;
     assert!((low - 0.300_642).abs() < 2e-6 && (high - 0.954_413).abs() < 2e-6, "{low} {high}");
-    // The two classes have 2 and 2 trials, and 1 and 3 decisions.
+    // Each class has two trials; the decisions are one for the first class and three for the
+    // second.
     assert!((chance(&figures) - 0.5).abs() < 1e-9);
 }

@@ -10,10 +10,11 @@ use std::ops::Range;
 
 /// Number of blocks into which the trials of a single recording are divided.
 const BLOCKS: usize = 5;
-/// Time that a [`Course`] shows before the event and after the end of the trial, seconds.
+/// Time that a [`Course`] covers before the event and after the end of the trial, seconds.
 const AROUND_S: f64 = 2.0;
 
-/// Mean probability as a function of the time since the event: pairs (seconds, probability).
+/// Mean probability of a class over the trials of this class, as a function of the time since the
+/// event: pairs (seconds, probability).
 pub(crate) type Course = Vec<(f64, f64)>;
 
 /// Trials that are left out together.
@@ -108,13 +109,13 @@ fn decide(fitted: &Fitted, name: &str, trials: &[Trial], predictions: &[Predicti
     Part { name: name.to_owned(), decided: decided.collect() }
 }
 
-/// Returns the last hop of a trial.
+/// Returns the index of a trial's last hop, counted from the start of the session.
 fn last_hop(trial: &Trial) -> usize {
     trial.windows.last().map_or(0, |window| window.hops.end - 1)
 }
 
 /// Returns for each class, and each of its trials, the probability of this class at the hops that a
-/// course shows; `None` for hops outside the recording.
+/// course covers; `None` for hops outside the recording.
 fn courses(
     plan: &Plan,
     trials: &[Trial],
@@ -144,7 +145,7 @@ fn mean_course(plan: &Plan, trials: &[&Vec<Option<f32>>], [before, after]: [usiz
     (0..before + 1 + after).map(mean).collect()
 }
 
-/// Returns the numbers of hops that a course shows before and after the last hop of a trial.
+/// Returns the numbers of hops that a course covers before and after the last hop of a trial.
 fn hops_around(plan: &Plan) -> [usize; 2] {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundreds")]
     let hops = |seconds: f64| (seconds.max(0.0) / plan.hop_s()).round() as usize;

@@ -24,7 +24,7 @@ pub(crate) struct Terminal {
 }
 
 impl Terminal {
-    /// Creates a display that does not catch Ctrl-C, which then ends the program.
+    /// Creates a display that does not catch Ctrl-C: Ctrl-C ends the program.
     pub(crate) fn new() -> Self {
         Self {
             bar: ProgressBar::hidden(),
@@ -156,7 +156,7 @@ mod tests {
 
     #[test]
     fn the_time_left_holds_for_folds_of_different_size() {
-        // Folds whose work is 1, 7 and 2 take 10 s for each unit.
+        // Folds with 1, 7 and 2 units of work take 10 s for each unit.
         let mut done = 0.0;
         for work in [1.0, 7.0, 2.0] {
             done += work;

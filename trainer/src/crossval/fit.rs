@@ -18,7 +18,7 @@ use std::ops::ControlFlow;
 pub(super) struct Data {
     /// Recordings to train on, scaled so that every person has the same signal power.
     pub(super) training: Vec<Track>,
-    /// The same recordings with their original amplitude, for the ranges of input and codes.
+    /// The training recordings with their original amplitude, for the ranges of input and codes.
     pub(super) recorded: Vec<Track>,
     pub(super) test: Vec<Track>,
 }

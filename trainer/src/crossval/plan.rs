@@ -44,7 +44,8 @@ impl Fold {
         format!("{}-r{}-f{}", self.subject, self.repetition, self.number)
     }
 
-    /// Returns a text that says what is distributed over the folds: whole runs, or blocks of runs.
+    /// Returns a text that states what is distributed over the folds: whole runs, or blocks of
+    /// runs.
     pub(crate) fn kind(&self) -> String {
         if self.blocks == 1 {
             "whole runs".to_owned()

@@ -11,7 +11,7 @@ use std::path::Path;
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Spec {
-    /// Path of the montage file, relative to the specification.
+    /// Path of the montage file, relative to the folder of the specification.
     montage: String,
     /// Layers of the network.
     mode: Mode,
@@ -27,7 +27,8 @@ pub(super) struct Spec {
     padding: Option<Padding>,
     /// Steps, rows and columns of the max-pool; 2 of each if not stated.
     pool: Option<[usize; 3]>,
-    /// Integer format of the codes; if not stated, `int8-exponent`, which loses least for its size.
+    /// Integer format of the codes; if not stated, `int8-exponent`, which loses the least accuracy
+    /// for its size.
     code_format: Option<CodeFormat>,
     /// Mains frequency of the training data, Hz.
     mains_hz: u32,

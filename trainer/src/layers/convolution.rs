@@ -324,13 +324,13 @@ struct Vectors<'a, V> {
     small_size: [usize; 3],
     large: &'a [V],
     large_size: [usize; 3],
-    /// Number of vectors for one value of all windows in a group.
+    /// Number of vectors that together hold one value of every window in a group.
     parts: usize,
 }
 
 impl<V: Copy> Vectors<'_, V> {
-    /// Returns the sums of the products of both volumes over all positions, for each channel of a
-    /// tile and each column of the kernel.
+    /// Returns, for each channel of a tile and each column of the kernel, the sum over all
+    /// positions of the products of both volumes.
     #[inline(always)]
     fn sums<S: Simd<f32s = V>>(&self, simd: S) -> [[V; KERNEL]; TILE] {
         let [steps, rows, columns] = self.small_size;

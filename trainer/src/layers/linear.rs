@@ -16,7 +16,7 @@ pub(crate) struct Matrix<'a> {
 }
 
 impl<'a> Matrix<'a> {
-    /// Creates a matrix with `inputs` columns.
+    /// Creates a matrix with `inputs` columns from its values, row by row.
     pub(crate) fn new(values: &'a [f32], inputs: usize) -> Self {
         Self { values, outputs: values.len() / inputs, inputs }
     }
@@ -102,7 +102,7 @@ impl NullaryFnOnce for Product<'_> {
     }
 }
 
-/// Arguments of a sum of outer products, one for each window.
+/// Arguments of a sum of outer products, one product for each window.
 struct OuterProduct<'a> {
     by_window: &'a [f32],
     gradient: &'a [Lanes],

@@ -8,7 +8,7 @@ use super::{LANES, Lanes, Volume, product};
 /// The output of a max-pool, and the position of each maximum.
 #[derive(Clone, Debug)]
 pub(crate) struct Pooled {
-    /// Largest value of each pool: channel, step, row, column, lane.
+    /// Largest value of each pool, in the order channel, step, row, column, lane.
     pub(crate) values: Vec<Lanes>,
     /// Index of each maximum in its channel of the feature map.
     places: Vec<[u16; LANES]>,
@@ -82,7 +82,7 @@ pub(crate) fn unpool(values: &[Lanes], geometry: &Geometry) -> Volume {
     Volume::from_values(CONV2_CHANNELS, geometry.feature_map, unpooled.collect())
 }
 
-/// Returns the gradient of [`unpool`] at its input.
+/// Returns the gradient at the input of [`unpool`], from the gradient at its output.
 pub(crate) fn unpool_gradient(gradient: &Volume, geometry: &Geometry) -> Vec<Lanes> {
     let sources = nearest(geometry);
     let per_channel = product(geometry.pooled);
@@ -130,7 +130,8 @@ fn places([steps, rows, columns]: [usize; 3]) -> impl Iterator<Item = [usize; 3]
     })
 }
 
-/// Converts an index into a channel of a feature map, which is below 32 x 12 x 12, to 16 bits.
+/// Returns an index of a value within a channel of a feature map as 16 bits; a channel has at most
+/// 32 x 12 x 12 values.
 #[expect(clippy::cast_possible_truncation, reason = "below 2^13")]
 fn place(index: usize) -> u16 {
     index as u16

@@ -246,8 +246,7 @@ impl Backward<'_> {
     }
 }
 
-/// Adds the gradients of all groups to `all`, and returns the gradients of the batch norm over all
-/// groups.
+/// Adds the gradients of all groups to `all`, and returns the sum of their batch-norm gradients.
 fn add_stages(all: &mut Weights, stages: &[Stage]) -> NormGradient {
     for stage in stages {
         add(all, &stage.gradients);

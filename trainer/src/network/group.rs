@@ -48,7 +48,7 @@ pub(super) struct Group {
     pub(super) windows: usize,
     /// Values on the scalp grid, one channel; cells without an electrode are 0.
     pub(super) cells: Volume,
-    /// Values of the electrodes: step, electrode, lane.
+    /// Values of the electrodes, in the order step, electrode, lane.
     pub(super) electrodes: Vec<Lanes>,
 }
 

@@ -35,8 +35,8 @@ fn changed(mut parameters: Parameters) -> Parameters {
 }
 
 /// Encodes and decodes windows with the network, and with the artifact's float encoder and decoder.
-/// Returns the largest difference between both codes or both windows, relative to the largest value
-/// of code and window (at least 1).
+/// Returns the largest difference between the two codes or the two windows, relative to the largest
+/// value in them (at least 1).
 fn worst_difference(
     network: &Network,
     parameters: &Parameters,
@@ -187,7 +187,8 @@ fn networks_of_other_shapes_equal_the_artifacts_float_encoder_and_decoder() {
         let artifact = calibrated_artifact(description.clone(), &parameters, &dataset).unwrap();
         let network = Network::new(&description);
         let worst = worst_difference(&network, &parameters, &artifact, &dataset);
-        // The same bound as for the paper's network, which adds more products.
+        // The same bound as in the test of the paper's network. That network adds more products, so
+        // its rounding errors are larger.
         assert!(worst < 1e-4, "{mode:?} {padding:?}: {worst}");
     }
 }

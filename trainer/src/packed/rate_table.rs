@@ -14,7 +14,8 @@ pub(crate) fn to_json(figures: &RateFigures) -> Json {
     })
 }
 
-/// Returns the cells of a printed row: rate, bits, bytes of the longest block, and both errors.
+/// Returns the cells of a printed row: rate, bits, bytes of the longest block, and the errors
+/// without and with smoothing.
 pub(crate) fn cells(figures: &RateFigures) -> [String; 5] {
     [
         figures.rate.to_string(),

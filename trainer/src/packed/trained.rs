@@ -1,4 +1,4 @@
-//! A packed model, trained and measured.
+//! Trains a packed model and measures it at all rates.
 
 use super::{FitOptions, Tracks};
 use crate::error::TrainerError;

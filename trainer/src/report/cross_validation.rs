@@ -60,8 +60,8 @@ fn folds(table: &Table) -> Lines {
     });
     let mut series: Vec<Series> = series.collect();
     let mut add = |kind: usize, place: f64, mse: f64, sd: f64| {
-        // The points of a fold are side by side: three kinds are at -1, 0 and 1 times `APART` from
-        // the position of the fold.
+        // The points of a fold are side by side: with three kinds, they are at -1, 0 and 1 times
+        // `APART` from the position of the fold.
         let [kind_place, centre] =
             [kind, kinds - 1].map(|kind| f64::from(u32::try_from(kind).unwrap_or(0)));
         let x = place + APART * (kind_place - centre / 2.0);

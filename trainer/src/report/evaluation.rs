@@ -126,7 +126,7 @@ pub(super) fn places<'a>(
     })
 }
 
-/// Returns label and cell of each electrode.
+/// Returns the label of each electrode, and row and column of its cell on the scalp grid.
 pub(super) fn cells(errors: &[ElectrodeError]) -> impl Iterator<Item = (&str, [usize; 2])> + Clone {
     errors.iter().map(|error| (error.label.as_str(), error.cell))
 }

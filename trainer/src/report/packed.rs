@@ -87,8 +87,8 @@ fn lines(comparison: &Comparison) -> Lines {
 }
 
 /// Returns the values of the packed picture as CSV: a line for each rate, for each rate without
-/// prediction (KLT), for PCA and for the network. Only the packed code has an error one block
-/// later.
+/// prediction (KLT), for PCA and for the network. Only the packed code has a value for the error
+/// one block later.
 fn csv(comparison: &Comparison) -> String {
     let mut text = "model,rate,numbers,bits_per_hop,mse,mse_a_block_later\n".to_owned();
     for figures in &comparison.packed {

@@ -9,7 +9,7 @@ use picture::scalp_map::{Place, ScalpMap};
 use std::fmt::Write as _;
 
 /// Adds the error for each person to a report, and for each person with bad electrodes a picture of
-/// their effect on the other electrodes.
+/// the effect of these electrodes on the others.
 pub(super) fn add(report: &mut Report, people: &[PersonError]) -> Result<(), TrainerError> {
     report.page.push_text(
         "Error for each person with integer codes: with the electrodes that are bad in a recording \
@@ -59,7 +59,8 @@ fn scalp_map(error: &PersonError) -> ScalpMap {
     let [on, off] = error.of_good();
     let places = places(cells(&error.on.electrodes));
     let electrodes = error.on.electrodes.iter().zip(error.of_electrodes());
-    // Leave out the bad electrodes: beside their large errors, the others could not be told apart.
+    // Leave out the bad electrodes: their errors are so large that the others could not be told
+    // apart.
     let good = electrodes
         .zip(places)
         .filter(|((electrode, _), _)| !error.person.bad.contains(&electrode.label));

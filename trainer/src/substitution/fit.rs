@@ -10,12 +10,12 @@ use packed_fit::{FitError, Track};
 /// Integer that represents a weight of 1: weights are Q7.
 const ONE: f64 = 128.0;
 
-/// Smallest and largest typical energy of an innovation, relative to the median electrode's. The
-/// limits make a device judge an electrode that was bad in training nearly as strictly as the
-/// others.
+/// Smallest and largest typical energy of an innovation, relative to the median of all electrodes'
+/// typical energies. The limits make a device judge an electrode that was bad in training nearly as
+/// strictly as the others.
 const SPREAD: [f64; 2] = [0.25, 9.0];
 
-/// Units of an innovation's energy, (1/16 uV)^2, in 1 uV^2.
+/// Number of units of an innovation's energy, (1/16 uV)^2 each, in 1 uV^2.
 const UNITS_PER_UV2: f64 = 256.0;
 
 /// Returns the weights of [`prediction`] in Q7, -127..=127, `[electrode][other electrode]`.
@@ -37,8 +37,8 @@ pub(super) fn weights(tracks: &[Track], electrodes: usize) -> Result<Vec<i8>, Tr
     Ok((0..electrodes * electrodes).map(weight).collect())
 }
 
-/// Returns the typical mean square of each electrode's innovation: the median over all seconds,
-/// clamped to [`SPREAD`], in (1/16 uV)^2, at least 1.
+/// Returns the typical mean square of each electrode's innovation, in (1/16 uV)^2, at least 1: the
+/// median over all seconds, limited to the range [`SPREAD`] times the median electrode's value.
 pub(super) fn innovation(weights: &[i8], tracks: &[Track]) -> Vec<i32> {
     let electrodes = weights.len().isqrt();
     let mut energies = vec![Vec::new(); electrodes];
@@ -58,8 +58,8 @@ pub(super) fn innovation(weights: &[i8], tracks: &[Track]) -> Vec<i32> {
     medians.into_iter().map(units).collect()
 }
 
-/// Returns the errors of a table on recordings, over the electrodes that all recordings have;
-/// `None` if there is no such electrode.
+/// Returns the errors of a table of substitutions on recordings, over the electrodes that all
+/// recordings have; `None` if there is no such electrode.
 pub(super) fn figures(
     table: &SubstitutionTable,
     tracks: &[Track],
@@ -141,7 +141,8 @@ mod tests {
             let difference = f64::from(*units) - number(&numpy["innovation"][index]);
             assert!(difference.abs() < 0.501, "{innovation:?} {numpy}");
         }
-        // H is at the upper end of the range, A at the lower end.
+        // The innovation of H is limited to the upper end of `SPREAD`, and the innovation of A to
+        // the lower end.
         assert!((f64::from(innovation[7]) / f64::from(innovation[0]) - 36.0).abs() < 0.5);
         let table = SubstitutionTable {
             description: SubstitutionDescription::default(),

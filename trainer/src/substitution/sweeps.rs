@@ -22,10 +22,10 @@ const SWEEPS: usize = 8;
 /// Number of times that a sweep's matrix is squared to find the matrix's spectral radius.
 const SQUARINGS: u32 = 10;
 
-/// Returns the largest spectral radius of a sweep over 12 electrodes, or over all but one if there
-/// are fewer. The radius is the factor by which a late sweep reduces the distance to the limit. The
-/// sweeps are over the neighbours of each electrode on the scalp grid, and over twice as many
-/// random sets.
+/// Returns the largest spectral radius of a sweep over 12 electrodes or, in a montage of 12 or
+/// fewer, over all electrodes but one. The radius is the factor by which a late sweep reduces the
+/// distance to the limit. The sweeps are over the neighbours of each electrode on the scalp grid,
+/// and over twice as many random sets.
 ///
 /// # Errors
 /// If the sweeps over a set of electrodes do not converge; the error names these electrodes.
@@ -66,8 +66,8 @@ pub(crate) fn largest_radius(
 }
 
 /// Returns a recording in which the bad electrodes, the first 12 if there are more, have the values
-/// with which a device fills them. The computation uses floats in place of the device's integers,
-/// whose unit is a quarter of a microvolt.
+/// with which a device fills them. The computation uses floats; the device uses integers in units
+/// of a quarter of a microvolt.
 pub(crate) fn filled(track: &Track, table: &SubstitutionTable) -> Track {
     let mut filled = track.clone();
     let bad = &track.bad[..track.bad.len().min(MOST)];

@@ -86,7 +86,7 @@ fn a_file_that_cannot_be_calibrated_or_disagrees_with_its_reference() {
         }
     };
     let with_a_value_in_an_empty_cell = |file: &mut File| {
-        // The first cell of the second window, which has 16 steps of 90 cells.
+        // Change the first cell of the second window; a window has 16 steps of 90 cells.
         set(file, "calibration.windows", 16 * 90, 1.0);
     };
     let of_another_network = |file: &mut File| {

@@ -74,7 +74,7 @@ fn the_picture_has_every_fold_and_its_mean() {
         assert_near((squares.sum::<f64>() / 3.0).sqrt(), sd, 1e-9);
     }
     // Each of the four kinds of code has circles for four folds, for their mean and for the legend.
-    // Two kinds share a colour, and the mean of each kind has a bar.
+    // Two kinds share each colour. The mean of each kind has a bar, a line of two points.
     let picture = folder.path("report/folds.svg");
     assert_eq!(elements(&picture, "circle").len(), 4 * (4 + 1 + 1));
     assert_eq!(points(&picture, "#2B6CB0"), [2, 2]);
@@ -107,8 +107,8 @@ fn each_person_is_tested_with_a_model_of_the_others() {
         "crossval {small} --mode=pca --data=[A-C]1 --leave-one-person-out --out=out"
     ));
     assert_has(&table, &["| all | 3 | PCA-16 | float | yes |", "each of A1 B1 C1 with a model"]);
-    // `trainer train` trains the same model on the others; its card has the error on the left-out
-    // person.
+    // `trainer train` on the recordings of the other people trains the same model; its card states
+    // the error on the left-out person.
     let table = Values::read(&folder.path("out/table.csv"));
     let prd = |subject: &str, codes: &str| {
         let subjects = table.column("subject").into_iter();

@@ -38,7 +38,7 @@ pub(crate) fn points(path: &Path, color: &str) -> Vec<usize> {
     points.map(|points| points.split_whitespace().count()).collect()
 }
 
-/// A CSV file: the names of its columns, and the values in the other lines as text.
+/// A CSV file: the names of its columns, and the values of its rows as text.
 pub(crate) struct Values {
     head: Vec<String>,
     pub(crate) rows: Vec<Vec<String>>,

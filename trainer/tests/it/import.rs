@@ -84,7 +84,7 @@ fn tensors_of_other_names_and_of_64_bits_are_imported_by_the_table_of_names() {
     let (model, _) = import(&folder, &network, &spec, |file| {
         for (from, to) in [
             ("encoder.conv1.weight", "features.0.weight"),
-            // If several entries match a tensor or its layer, the longest entry counts.
+            // If several entries match a tensor or its layer, the longest entry applies.
             ("encoder.conv1.bias", "b"),
             ("encoder.fc.bias", "to_code.offset"),
         ] {

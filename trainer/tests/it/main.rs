@@ -112,8 +112,8 @@ impl Folder {
 }
 
 /// Writes a GDF file of `seconds` seconds: for each electrode index, `mix` mixes three
-/// low-pass-filtered sources, and noise of the given amplitude is added. `events` are pairs of row
-/// and GDF type.
+/// low-pass-filtered sources, and noise of the given amplitude is added. `events` are pairs of
+/// sample index (from 0) and GDF event type.
 fn write_gdf(
     path: &Path,
     labels: &[impl AsRef<str>],

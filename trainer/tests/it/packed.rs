@@ -25,7 +25,8 @@ fn a_packed_model_joins_the_artifact_and_is_evaluated_beside_pca() {
     assert_eq!(table.lines().count(), 2 * 19 + 1, "{table}");
     assert_eq!(folder.read("model/model.toml"), before);
     let toml = folder.read("model/packed.toml");
-    // A block of eight electrodes and eight steps has 64 values, so it has 64 coefficients.
+    // A block of eight electrodes and eight steps has 64 values and cannot have more coefficients,
+    // so the default is reduced to 64.
     assert_has(&toml, &["coefficients = 64", "run2.gdf"]);
 
     let json = folder.json("evaluate --artifact=model --test=run2 --json --report=report");
@@ -83,7 +84,8 @@ fn a_packed_model_alone_needs_no_network() {
 
     let log = folder.fail(ALONE, 2);
     assert!(log.contains("--force"), "{log}");
-    // A block with half the steps has half the values, so it has half the coefficients.
+    // A block with half the steps has half the values and cannot have more coefficients than
+    // values.
     folder.succeed(&format!("{ALONE} --force --hop=4"));
     let toml = folder.read("alone/packed.toml");
     assert!(toml.contains("coefficients = 32"), "{toml}");

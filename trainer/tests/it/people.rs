@@ -23,7 +23,7 @@ fn write(folder: &Folder, (subject, run): (&str, u64), gain: f32, noise: f32) {
 }
 
 /// Returns a folder with recordings of three people: B equals A at eight times the amplitude, and C
-/// equals B except for a bad C4.
+/// equals B except for a bad electrode C4.
 pub(super) fn three() -> Folder {
     let folder = Folder::new();
     for run in [1, 2, 3] {
@@ -34,7 +34,8 @@ pub(super) fn three() -> Folder {
     folder
 }
 
-/// Trains network, packed model and table in the folder `out`; also returns the last messages.
+/// Trains network, packed model and table of substitutions in the folder `out`; also returns the
+/// messages of the last command.
 fn train(folder: &Folder, out: &str, data: &str) -> (Artifact, String) {
     let options = format!("--mains=50 --data={data} --train=R01,R02 --test=R03");
     let small = SMALL.replace("--data=.", "").replace("--mains=50", "");
@@ -138,8 +139,8 @@ fn a_bad_electrode_of_one_person_is_left_out_and_named_in_every_card() {
     }
     assert!(folder.path("report/substitution-C1.svg").exists());
     assert!(!folder.path("report/substitution-A1.svg").exists());
-    // A model trained without C is hardly better for A and B. If training included C4's noise, the
-    // errors of A and B would be several times as large.
+    // A model trained without C is hardly better for A and B. If the noise of C's electrode C4 were
+    // used for training, the errors of A and B would be several times as large.
     let (clean, _) = train(&folder, "clean", "[AB]1");
     for (with, clean) in training.tested.iter().zip(&clean.description.training.tested) {
         assert_eq!(with.subject, clean.subject);

@@ -1,4 +1,4 @@
-//! Tests of `trainer substitution`, and of what other commands say about its table.
+//! Tests of `trainer substitution`, and of what other commands print about its table.
 
 use super::{Folder, LABELS, SMALL, assert_has, write_gdf};
 use artifact::Artifact;
@@ -19,7 +19,8 @@ fn a_table_joins_the_artifact_and_other_commands_mention_it() {
     let training = &table.description.training;
     assert_eq!(training.train_files, ["run1.gdf"]);
     assert_eq!(training.test_files, ["run2.gdf"]);
-    // Three sources in eight electrodes: the others predict each electrode up to its noise.
+    // Eight electrodes record three sources, so the other electrodes predict each electrode except
+    // for its noise.
     let figures = training.figures.as_ref().expect("figures");
     assert!(figures.median_nmse < 0.02 && figures.worst_nmse < 0.1, "{figures:?}");
     assert!(LABELS.contains(&figures.worst_electrode.as_str()));

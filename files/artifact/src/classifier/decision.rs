@@ -33,7 +33,7 @@ pub fn log_energies<'a>(
 #[derive(Clone, Debug)]
 pub struct Decision {
     rule: DecisionRule,
-    /// Levels of the newest hops, oldest first: at most the hops of a window; `None` for a hop
+    /// Levels of the newest hops, oldest first, at most as many as a window has; `None` for a hop
     /// without usable features.
     hops: VecDeque<Option<Vec<u8>>>,
     /// The newest probabilities.

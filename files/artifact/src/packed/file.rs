@@ -89,7 +89,8 @@ impl PackedModel {
     }
 
     /// Returns the tensors of `packed.safetensors` for blocks of `values` values. The shapes follow
-    /// from the dimensions; in an unchecked model, the numbers of elements can differ from them.
+    /// from the dimensions; in an unchecked model, a tensor's number of elements can contradict its
+    /// shape.
     pub(super) fn tensors(&self, values: usize) -> Vec<NamedTensor<'static>> {
         let count = self.coefficients();
         let bytes = |weights: &[i8]| weights.iter().map(|w| w.cast_unsigned()).collect();

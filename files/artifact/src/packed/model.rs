@@ -58,9 +58,10 @@ pub struct PackedTraining {
     pub people: Vec<Person>,
     /// Length and error on the test recordings, one entry for each measured rate.
     pub figures: Vec<PackedFigures>,
-    /// Figures of a Karhunen-Loeve transform of each block, for comparison. It has as many
-    /// coefficients, and the same training and coding, but no prediction from the previous block.
-    /// Its `mse_smoothed` equals `mse`. Empty without test recordings.
+    /// Figures of a Karhunen-Loeve transform of each block, for comparison. This transform has as
+    /// many coefficients as the model, and the same training and coding, but no prediction from the
+    /// previous block. In these figures, `mse_smoothed` equals `mse`. Empty without test
+    /// recordings.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub without_prediction: Vec<PackedFigures>,
 }
@@ -97,9 +98,9 @@ pub struct PackedModel {
     /// Mean magnitude of each coefficient at rate 4 in a block without prediction, as a logarithmic
     /// level, 0..64.
     pub reset_levels: Vec<u8>,
-    /// First of the frequencies of each magnitude in the range coder.
+    /// First frequency of each magnitude in the range coder (cumulative frequency).
     pub starts: Box<Starts>,
-    /// Correction that the decoder adds to a block once the next block has arrived.
+    /// Correction that the decoder adds to a block when the next block has arrived.
     pub smoother: Smoother,
     /// Matrix that maps coefficients to values, `[coefficient][value]`: the values with the least
     /// weighted energy that have these coefficients. `None` if the model has no weight; decoders
@@ -113,7 +114,7 @@ impl PackedModel {
         self.description.coefficients
     }
 
-    /// Returns the coefficients of a block. Its input `values` are in the order step, electrode.
+    /// Returns the coefficients of a block, whose `values` are in the order step, electrode.
     ///
     /// # Panics
     /// If the number of values is not the number of values in a block.
@@ -172,9 +173,10 @@ pub struct IntegerMatrix {
 }
 
 impl IntegerMatrix {
-    /// Quantises `matrix * gain`; `matrix` is `[output][input]`. Each output's weights are scaled
-    /// up to use 8 bits, but at most by `largest_scale` of them; the output's factor undoes the
-    /// scale. A factor of 1/2 or more saturates, and an artifact with such a factor is refused.
+    /// Quantises `matrix * gain`; `matrix` is `[output][input]`. Each output's weights are
+    /// multiplied by the largest scale with which they fit 8 bits, but at most by
+    /// `largest_scale(weights)`. The output's factor undoes the scale. A factor of 1/2 or more
+    /// saturates, and an artifact with such a factor is refused.
     pub fn quantised(
         matrix: &[f64],
         inputs: usize,

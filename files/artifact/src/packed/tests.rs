@@ -71,14 +71,15 @@ fn a_packed_model_reads_back_with_the_same_id_which_covers_it() {
     assert_eq!(Artifact::read(folder.path()).unwrap(), artifact);
     let other = with(|model| model.reset_levels[3] = 5).unwrap();
     assert_ne!(other.id, artifact.id);
-    // Removing the packed model removes its files and leaves the id of the network alone.
+    // Removing the packed model removes its files. The id of the model is then the id of the
+    // network.
     let plain = artifact.with_packed(None).unwrap();
     assert_eq!(plain.id, testing::pca().id);
     plain.write(folder.path()).unwrap();
     assert_eq!(Artifact::read(folder.path()).unwrap(), plain);
 }
 
-/// Gives a model a weight, and a synthesis of `values` numbers.
+/// Gives a model an error weight, and a synthesis of `values` numbers.
 fn weigh(model: &mut PackedModel, values: usize) {
     model.description.weight = Some(ErrorWeight { band_hz: [8.0, 30.0], strength: 3.0 });
     model.synthesis = Some(vec![0.25; values]);

@@ -49,7 +49,8 @@ pub enum Source {
     Window,
     /// The average of earlier windows and the window that was passed to [`Overlap::next_hop`].
     Average,
-    /// Earlier windows alone, because the code of the window that was passed is lost.
+    /// Only earlier windows, because the code of the window that was passed to
+    /// [`Overlap::next_hop`] is lost.
     Earlier,
     /// No window: the codes of all windows that contain the hop are lost. Writes no values.
     Missing,
@@ -140,8 +141,8 @@ impl Overlap {
     }
 }
 
-/// Returns the part of an earlier window that covers the first hop of window `index`; `None` if it
-/// ends before this hop.
+/// Returns the part of an earlier window that covers the first hop of window `index`; `None` if the
+/// earlier window ends before this hop.
 fn hop_at(earlier: &Window, index: u32, length: usize) -> Option<&[f32]> {
     let age = usize::try_from(index.wrapping_sub(earlier.index)).ok()?;
     let start = age.checked_mul(length).filter(|_| age > 0)?;

@@ -102,7 +102,7 @@ mod tests {
     #[test]
     fn a_system_with_a_known_solution_is_solved() {
         let mut matrix = [4.0, 2.0, 0.0, 2.0, 5.0, 1.0, 0.0, 1.0, 3.0];
-        // The right sides for the solutions x = (1, 2, 3) and x = (0, -1, 2).
+        // The right-hand sides of the equations for the solutions x = (1, 2, 3) and x = (0, -1, 2).
         let mut right = [8.0, -2.0, 15.0, -3.0, 11.0, 5.0];
         solve(&mut matrix, &mut right, 3, 2);
         for (value, expected) in right.iter().zip([1.0, 0.0, 2.0, -1.0, 3.0, 2.0]) {

@@ -4,7 +4,8 @@ use super::*;
 use crate::folder::Artifact;
 use crate::testing;
 
-/// Returns a model with a table that `change` has altered; each electrode predicts the next one.
+/// Returns a model with a table that `change` has altered. In the table, each electrode predicts
+/// the next one.
 fn with(change: impl Fn(&mut SubstitutionTable)) -> Result<Artifact, ArtifactError> {
     let mut table = SubstitutionTable {
         description: SubstitutionDescription { format: 1, ..SubstitutionDescription::default() },

@@ -24,7 +24,7 @@ impl LocalStart {
         }
     }
 
-    /// Returns the date in the form `02.08.51`.
+    /// Returns day, month and year in the form `02.08.51`.
     pub(crate) fn short_date(self) -> String {
         self.local.strftime("%d.%m.%y").to_string()
     }

@@ -133,7 +133,8 @@ impl<W: Write + Seek> EdfWriter<W> {
         })
     }
 
-    /// Writes one record from its values: all signals of the first row, then of the next row.
+    /// Writes one record. `rows` holds the values of all signals in the first row, then in the
+    /// second row, and so on.
     ///
     /// # Errors
     /// `InvalidInput` if `rows` is not exactly one record, or if the format allows no further

@@ -26,8 +26,8 @@ const NEW_PREFIX: f64 = 1.94;
 /// The first eight bytes of an event table; the columns follow.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TablePrefix {
-    /// Which columns the table has: 1 for positions and types, plus [`DURATIONS`] and
-    /// [`TIME_STAMPS`].
+    /// Bits that state which columns the table has: 1 for positions and types, plus [`DURATIONS`]
+    /// and [`TIME_STAMPS`].
     mode: u8,
     /// Number of rows in the table.
     pub(crate) count: u32,
@@ -56,8 +56,9 @@ impl TablePrefix {
         is_known.then_some(u64::from(self.count) * row)
     }
 
-    /// Returns whether the table states a plausible rate: at least 1 mHz. If these bytes are
-    /// samples that hold a small integer, they read as a float far below this limit.
+    /// Returns whether the table states a plausible rate: at least 1 mHz. If the file has samples
+    /// where a table is expected, the rate's bytes may hold a small integer, which as a float is
+    /// far below this limit.
     fn states_rate(&self) -> bool {
         self.rate_hz.is_finite() && self.rate_hz >= 1e-3
     }

@@ -48,7 +48,8 @@ impl<W: Write + Seek> GdfWriter<W> {
         })
     }
 
-    /// Writes one record from its values: all signals of the first row, then of the next row.
+    /// Writes one record. `rows` holds the values of all signals in the first row, then in the
+    /// second row, and so on.
     ///
     /// # Errors
     /// `InvalidInput` if `rows` is not exactly one record; otherwise the operating system's error.
@@ -137,7 +138,8 @@ fn header(file: &FileToWrite) -> io::Result<Vec<u8>> {
         let code = if signal.is_microvolt { MICROVOLT } else { DIMENSIONLESS };
         code.to_le_bytes().to_vec()
     });
-    // The physical range, then the digital one: both are equal, so values are stored unchanged.
+    // Write the physical range, then the digital range. Both are equal, so values are stored
+    // unchanged.
     for end in [0, 1, 0, 1] {
         field(&|signal| signal.range[end].to_le_bytes().to_vec());
     }

@@ -95,7 +95,7 @@ const CONVERTER_CHANNELS: usize = 8;
 /// Adds one count where all channels of a chip would repeat their last sample.
 ///
 /// A real chip has noise, so its driver reports eight repeated counts as a frozen chip. A recording
-/// can be flat or of low resolution, so its samples can repeat exactly. Every second of these
+/// can be flat or of low resolution, so its samples can repeat exactly. Every other one of these
 /// samples is raised by one count (22.35 nV, a ninth of the chip's rms noise at 512 Hz) on each
 /// channel that is neither 0 nor at a rail. All other samples stay as they are.
 #[derive(Debug)]
@@ -136,7 +136,8 @@ fn is_live(count: i32) -> bool {
 mod tests {
     use super::*;
 
-    /// Returns the counts of one channel for all values, and the number of saturated samples.
+    /// Converts one channel with a term for each weight: `values` times the weight. Returns the
+    /// channel's counts, and the number of saturated samples.
     fn converted(values: &[f64], weights: &[f64], lsb_uv: f64) -> (Vec<i32>, u64) {
         let (mut counts, mut saturated) = (Vec::new(), 0);
         let mut block = CountBlock::new();

@@ -57,7 +57,7 @@ impl LiveAdc {
         });
     }
 
-    /// Appends `samples` repetitions of each signal's last finite sample in place of lost samples.
+    /// Replaces lost samples: appends `samples` repetitions of each signal's last finite sample.
     pub fn hold(&mut self, samples: usize) {
         self.conversion.hold(samples);
     }

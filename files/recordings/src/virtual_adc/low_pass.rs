@@ -18,7 +18,7 @@ const IMAGES_HZ: f64 = 90.0;
 /// Number of partial sums into which the products of taps and input are added, so that the compiler
 /// can use vector instructions. The number of taps is a multiple of this number.
 const LANES: usize = 4;
-/// Largest number of taps that are precomputed for all phases and kept: 8 MiB.
+/// Largest number of taps, over all phases, that are precomputed and stored: 8 MiB.
 const KEPT_TAPS: u64 = 1 << 20;
 
 /// A sinc under a Kaiser window. The tap for an input sample d samples after the output's position
@@ -33,10 +33,11 @@ const KEPT_TAPS: u64 = 1 << 20;
 ///
 /// where I0 is the modified Bessel function, A the attenuation in dB, T the number of taps, p the
 /// end of the pass band and s the start of the stop band. c, p and s are frequencies divided by
-/// half the input rate. The stop band starts at half the output rate. If the input has the lower
-/// rate, it starts at the image of [`IMAGES_HZ`] if that is lower, but not below half the input
-/// rate. g makes the taps of each position sum to 1, so that a constant passes unchanged. T follows
-/// from [`ATTENUATION_DB`], rounded up to a multiple of [`LANES`], and A from this T.
+/// half the input rate. If the output rate is the lower one, the stop band starts at half the
+/// output rate. Otherwise it starts at half the output rate or at the image of [`IMAGES_HZ`],
+/// whichever is lower, but not below half the input rate. g makes the taps of each position sum to
+/// 1, so that a constant passes unchanged. T follows from [`ATTENUATION_DB`], rounded up to a
+/// multiple of [`LANES`], and A from this T.
 ///
 /// Source: J. F. Kaiser, "Nonrecursive digital filter design using the I0-sinh window function",
 /// IEEE Int. Symp. Circuits and Systems, 1974; b and T as in `scipy.signal.kaiserord`.
@@ -47,7 +48,7 @@ pub(super) struct LowPass {
     cutoff: f64,
     /// Shape b of the window.
     beta: f64,
-    /// Number of output positions between two input samples.
+    /// Number of different positions that an output can have between two input samples.
     phases: u64,
     /// Whether `table` holds the taps of all phases, or only the taps of the newest phase.
     is_kept: bool,
@@ -56,7 +57,8 @@ pub(super) struct LowPass {
 }
 
 impl LowPass {
-    /// Designs the low-pass for outputs `step` input samples apart and an input at `rate_hz`.
+    /// Designs the low-pass for an input at `rate_hz` and for outputs that are `step` input samples
+    /// apart.
     pub(super) fn new(rate_hz: f64, step: Ratio) -> Self {
         let half_rate = rate_hz / 2.0;
         let half_output = 1.0 / step.value();

@@ -12,8 +12,8 @@ const STEP_MAX: f64 = 1000.0;
 const USED_MAX: usize = 4096;
 
 /// Converts several signals to another rate without a time shift: output k is exactly the input at
-/// the time k / output rate, however long the signals are. An output is available when the samples
-/// up to half the filter's length after it have been appended.
+/// the time k / output rate, however long the signals are. An output is available when the input
+/// has been appended up to half the filter's length after the output's time.
 ///
 /// Beyond its ends, a signal keeps its first or last value, so that an electrode's offset causes no
 /// ringing.
@@ -33,8 +33,8 @@ struct Resampler {
     low_pass: LowPass,
     /// Number of input samples from one output to the next.
     step: Ratio,
-    /// Position of the next output after an input sample, in units of 1 / (denominator of the
-    /// step).
+    /// Fractional part of the next output's position, in units of 1 / (denominator of `step`) of an
+    /// input sample.
     phase: u64,
 }
 
@@ -141,8 +141,8 @@ impl RateConverter {
 }
 
 impl Resampler {
-    /// Returns the number of outputs that can be computed from `samples` input samples, the first
-    /// of which is the first that the next output depends on.
+    /// Returns the number of outputs that can be computed from `samples` input samples, counted
+    /// from the first sample that the next output depends on.
     fn ready(&self, samples: usize) -> usize {
         let Some(spare) = samples.checked_sub(self.low_pass.taps()) else {
             return 0;

@@ -123,10 +123,10 @@ fn file(cases: &[Case]) -> Vec<u8> {
 }
 
 /// Returns the value that the header defines, and a scale for its rounding error. The value is the
-/// sum of the value at digital 0 (or at the end of the range nearest to 0) and the rest; the scale
-/// is the larger magnitude of these two terms.
+/// sum of two terms: the value at digital 0 (or at the end of the range nearest to 0), and the
+/// difference from it. The scale is the larger magnitude of these two terms.
 fn expected(case: &Case) -> (f64, f64) {
-    // A header of GDF and the reader round integers beyond 2^53 to the nearest float64.
+    // A GDF header and the reader round integers beyond 2^53 to the nearest float64.
     #[expect(clippy::cast_possible_truncation, reason = "rounded integers of at most 64 bits")]
     let rounded = |value: i128| scaled(value, 0) as i128;
     let [d_min, d_max] = case.digital.map(|value| rounded(value) << case.wide);
@@ -173,7 +173,8 @@ proptest! {
             } else {
                 let (value, largest) = expected(case);
                 let error = (samples[0] - value).abs();
-                // A few roundings of 2^-53 each; a step of a float32 would be 2^-23 of the value.
+                // The limit allows a few roundings of 2^-53 each; a step of a float32 would be
+                // 2^-23 of the value.
                 prop_assert!(error <= largest * 2_f64.powi(-49), "{} for {}", samples[0], value);
             }
         }

@@ -19,8 +19,8 @@ fn edf() -> EdfFile {
 fn a_defect_that_does_not_prevent_reading_is_a_warning_and_the_samples_are_read() {
     let mut file = edf();
     file.signals.push(EdfSignal::int16("temp", 1, &[7]));
-    // The first byte of the physical minimum of each signal; the physical maximum, the digital
-    // minimum and the digital maximum follow 16 bytes apart.
+    // Offset of the physical minimum of each signal. The physical maximum, the digital minimum and
+    // the digital maximum follow 16, 32 and 48 bytes later.
     let [cz, temp] = [464, 472];
     let (version, duration) = (0, 244);
     for (at, fields, said) in [
@@ -49,7 +49,8 @@ fn a_defect_that_does_not_prevent_reading_is_a_warning_and_the_samples_are_read(
         let gain = signal.calibration.as_ref().expect("a range").gain();
         let samples = &read_all(&mut recording)[0];
         let mut pairs = samples.iter().zip([gain, 2.0 * gain]);
-        // The limits are rounded decimals of at most 3276.8.
+        // The physical limits are decimals of at most 3276.8, whose rounding errors pass on to the
+        // samples.
         assert!(pairs.all(|(found, value)| (found - value).abs() < 1e-11), "{samples:?}");
         assert_eq!(recording.duration_s(), 1.0);
     }
@@ -78,7 +79,8 @@ fn a_signal_that_cannot_be_scaled_is_refused_where_it_is_used() {
 #[test]
 fn a_file_that_is_no_edf_file_is_not_read_as_one() {
     let bytes = EdfFile { magic: *b"20160817", ..edf() }.bytes();
-    // In turn: a wrong header length, a wrong number of signals, a binary version, a short file.
+    // Each of these files has a different defect: a wrong header length, a wrong number of signals,
+    // a binary version, a missing end.
     let damage = |at: usize, byte: u8| {
         let mut bytes = bytes.clone();
         bytes[at] = byte;
@@ -100,10 +102,10 @@ fn events_are_played_at_their_sample_although_times_of_records_are_odd() {
             "+0.640625||;+.890625|a|; +1.640625||;+1.890625|b|; +2.640625||;+2.890625|c|;",
             "",
         ),
-        // Only the first record's time counts.
+        // In EDF+C, only the first record's time counts.
         ("EDF+C", "+0||;+0.25|a|; +0||;+1.25|b|; +0||;+2.25|c|;", ""),
         ("EDF+C", "+5||;+5.25|a|; ; +6.25|b|;+7.25|c|;", ""),
-        // Records without a usable time follow the record before them.
+        // Records without a usable time start at the end of the previous record.
         ("EDF+D", "+5||;+5.25|a|; +6.25|b|; +1||;+7.25|c|;", "2 records have no time"),
         (
             "EDF+D",
@@ -136,7 +138,8 @@ fn events_are_played_at_their_sample_although_times_of_records_are_odd() {
     }
 }
 
-/// Encodes an event table of 4 Hz in any mode from `rows`: (position, type, channel, duration).
+/// Encodes an event table whose positions count samples at 4 Hz, in any mode, from `rows`:
+/// (position, type, channel, duration).
 fn table(mode: u8, rows: &[(u32, u16, u16, u32)]) -> Vec<u8> {
     let pairs: Vec<(u32, u16)> = rows.iter().map(|row| (row.0, row.1)).collect();
     let mut table = event_table(4.0, &pairs);

@@ -149,9 +149,9 @@ pub(crate) struct GdfFile {
     /// Version, unless `version_1` makes it 1.25.
     pub(crate) version: &'static str,
     pub(crate) records: i64,
-    /// Duration of a record before version 2.21, s, as numerator and denominator.
+    /// Duration of a record in versions before 2.21, s: numerator and denominator.
     pub(crate) duration: (u32, u32),
-    /// Duration of a record from version 2.21 on, s.
+    /// Duration of a record in version 2.21 and later, s.
     pub(crate) length_s: f64,
     pub(crate) signals: Vec<GdfSignal>,
     /// Optional third header, between the header's part for the signals and the records.

@@ -8,7 +8,8 @@ use crate::{open, played};
 
 /// Montage of the test. The source lacks Fz, which is interpolated from the other electrodes.
 const MONTAGE: [&str; 4] = ["Cz", "Fz", "Pz", "C3"];
-/// Labels of the source; their order and spelling differ from the montage. No electrode uses EMG.
+/// Labels of the source; their order and spelling differ from the montage. The montage does not
+/// contain EMG.
 const LABELS: [&str; 4] = ["PZ.", "EMG", "c3", "Cz"];
 const SECONDS: u32 = 6;
 
@@ -40,7 +41,8 @@ fn recorded(rate_hz: u32, samples: &[f32]) -> Vec<[i32; 64]> {
 #[test]
 fn counts_are_those_of_a_recording_and_come_with_the_frame_after_the_delay() {
     for rate_hz in [128, 250, 256, 500, 512, 1000, 1024, 2000, 5000] {
-        // 2 to 35 rows per chunk; only some of these lengths divide a second.
+        // A chunk has 2 to 35 rows; only some of these numbers divide the number of rows in a
+        // second.
         let rows = rate_hz as usize % 37 + 1;
         let samples = samples(rate_hz);
         let expected = recorded(rate_hz, &samples);

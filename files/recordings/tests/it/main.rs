@@ -47,7 +47,8 @@ fn read_all(recording: &mut Recording) -> Vec<Vec<f64>> {
     all
 }
 
-/// Plays a recording on the electrodes of a montage at 512 Hz with the scale of an ADS1299.
+/// Returns a virtual ADC that plays a recording on the electrodes of a montage, at 512 Hz and with
+/// the scale of an ADS1299.
 fn played(recording: Recording, montage: &[&str], missing: Missing) -> VirtualAdc {
     let map = MontageMap::new(&recording.labels(), montage, missing).expect("a montage");
     VirtualAdc::new(recording, &map, AdcSpec::ads1299(512)).expect("usable rates")

@@ -20,7 +20,7 @@ const HALF_COUNT_UV: f64 = 0.011_175_9;
 const TONE_UV: f64 = 100_000.0;
 /// Offset that is added to every tone, uV.
 const OFFSET_UV: f64 = 20_000.0;
-/// Electrodes of a file of tones; each carries one tone.
+/// Electrodes in the files of [`tones`]; each electrode's signal is a tone.
 const TONES: [&str; 4] = ["Fz", "Cz", "Pz", "Oz"];
 
 #[expect(clippy::cast_precision_loss, reason = "small numbers")]
@@ -49,9 +49,9 @@ fn tones(hz: &[f64], per_record: u32, record_s: (u32, u32), records: usize) -> V
     GdfFile { duration: record_s, ..GdfFile::version_2(records, signals.collect()) }.bytes()
 }
 
-/// Plays a file of tones. Returns the largest error of each tone at least `edge_s` away from both
-/// ends of the file, in dB of [`TONE_UV`]. `expected` returns the value of a tone in uV from its
-/// frequency and the time.
+/// Plays a file of tones. Returns the largest error of each tone, in dB relative to [`TONE_UV`], at
+/// times at least `edge_s` away from both ends of the file. `expected` returns the value of a tone
+/// in uV from its frequency and the time.
 fn errors_db(file: Vec<u8>, hz: &[f64], edge_s: f64, expected: fn(f64, f64) -> f64) -> Vec<f64> {
     let (counts, counters) = play(file, &TONES[..hz.len()], Missing::Refuse);
     assert_eq!(counters, AdcCounters::default());
@@ -84,13 +84,14 @@ fn play(bytes: Vec<u8>, electrodes: &[&str], missing: Missing) -> (Vec<[i32; 64]
 
 #[test]
 fn a_resampled_tone_is_the_tone_at_k_over_rate() {
-    // The errors include all images. At most -84.4 dB was measured.
+    // The errors include all images. The largest measured error is -84.4 dB.
     println!("      Hz | error of 1, 10, 30, 60 Hz, dB");
     for rate_hz in [100, 128, 160, 250, 256, 500, 1000, 1024, 2000, 2048, 5000, 20_000] {
-        // A rate reduced by 0.3 Hz, in one record of 10 s, has a ratio of large terms to 512 Hz.
+        // A rate that is lower by 0.3 Hz, in one record of 10 s, has a ratio to 512 Hz with large
+        // terms.
         for per_record in [10 * rate_hz, 10 * rate_hz - 3] {
             let rate_hz = f64::from(per_record) / 10.0;
-            // The pass band ends at 60 Hz, or at 0.9 of half the rate.
+            // The pass band ends at 60 Hz or at 0.9 of half the rate, whichever is lower.
             let hz = [1.0, 10.0, 30.0, 60.0_f64.min(0.45 * rate_hz)];
             let errors = errors_db(tones(&hz, per_record, (10, 1), 1), &hz, 0.7, tone_uv);
             println!("{rate_hz:8.1} | {errors:6.1?}");
@@ -111,7 +112,7 @@ fn a_ratio_of_large_terms_does_not_drift() {
 
 #[test]
 fn what_is_above_half_the_rate_of_the_adc_is_not_aliased() {
-    // 470 Hz would alias onto 42 Hz. At most -91.9 dB was measured.
+    // 470 Hz would alias onto 42 Hz. The largest measured value is -91.9 dB.
     for rate in [1000, 2048, 5000] {
         let hz = [256.5, 300.0, 470.0, f64::from(rate) / 2.0 - 5.0];
         let left = errors_db(tones(&hz, rate, (1, 1), 2), &hz, 0.1, |_, _| OFFSET_UV);

@@ -40,7 +40,8 @@ const BAUD: u32 = 921_600;
 const BUFFER: usize = 512;
 
 /// Waker of the reader of received bytes. The UART's interrupt wakes the reader when the line
-/// becomes idle after bytes and when a byte is damaged; on an STM32F4, also at the byte after that.
+/// becomes idle after bytes and when a byte is damaged; on an STM32F4, also when the next byte
+/// after one of these events arrives.
 static IDLE: AtomicWaker = AtomicWaker::new();
 
 /// Buffers of both directions, in memory that the DMA can access.

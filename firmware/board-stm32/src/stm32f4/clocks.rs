@@ -14,8 +14,8 @@ use firmware::deadlines::priority;
 use crate::clock_source::ClockSource;
 use crate::interrupts::nvic_priority;
 
-/// Frequency of the core after a reset, Hz; it then runs from the oscillator HSI (RM0390 and
-/// RM0090, RCC).
+/// Frequency of the core directly after a reset, when it runs from the oscillator HSI, Hz (RM0390
+/// and RM0090, RCC).
 pub const AFTER_RESET_HZ: u32 = 16_000_000;
 
 /// Returns the configuration of the clocks. The frequencies are the same with 8 MHz at the HSE

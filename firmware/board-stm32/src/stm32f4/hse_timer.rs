@@ -5,7 +5,7 @@ use embassy_stm32::pac::{RCC, TIM11};
 
 use crate::clock_source::{HSE_DIVIDER, HseTimer};
 
-/// TIM11, which captures its own count.
+/// TIM11, which captures its own count at edges of the divided HSE clock.
 #[derive(Debug)]
 pub struct Timer;
 
@@ -13,7 +13,8 @@ impl HseTimer for Timer {
     fn start(&mut self) {
         RCC.cfgr().modify(|clocks| clocks.set_rtcpre(HSE_DIVIDER));
         RCC.apb2enr().modify(|enable| enable.set_tim11en(true));
-        // The clock starts with a delay; a read of the register waits for it.
+        // The clock of the timer starts with a delay; a read of the register waits until the clock
+        // runs.
         let _ = RCC.apb2enr().read();
         // Input 1 is HSE / RTCPRE (RM0390 and RM0090, TIM11_OR).
         TIM11.or().write_value(0b10);

@@ -30,8 +30,8 @@ pub fn take_cause() -> ResetCause {
 /// expects (RM0390, SYSCFG_MEMRMP).
 pub fn map_system_memory() {
     RCC.apb2enr().modify(|enable| enable.set_syscfgen(true));
-    // The clock of SYSCFG starts with a delay; a read of the clock enable register waits until it
-    // runs.
+    // The clock of SYSCFG starts with a delay; a read of the clock enable register waits until the
+    // clock runs.
     let _ = RCC.apb2enr().read();
     SYSCFG.memrm().modify(|map| map.set_mem_mode(0b001));
 }

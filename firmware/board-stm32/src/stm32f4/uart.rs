@@ -32,7 +32,8 @@ pub fn enable_receiver(uart: Usart) {
 /// interrupt continuously, so the CPU clears it at once by reading DR.
 pub fn acknowledge(uart: Usart) {
     let status = uart.sr().read();
-    // DR may still hold a byte. The DMA will then read it, which clears the flags.
+    // The data register (DR) may still hold a byte. If so, the DMA will read the byte, which clears
+    // the flags.
     let is_moved = !status.rxne();
     if status.ore() && is_moved {
         let _ = uart.dr().read();

@@ -12,7 +12,8 @@ use crate::Failure;
 
 /// Labels of the cues for the left and the right hand, and their event codes in ROS.
 pub(super) const EVENTS: &str = "T1=769,T2=770";
-/// Part of a trial from which a classifier decides, seconds after its cue.
+/// Part of each trial from which a classifier decides: start and end, seconds after the trial's
+/// cue.
 pub(super) const TRIAL: &str = "0.5..2";
 
 /// The cues of a run: 0 for the left hand, 1 for the right one.
@@ -79,7 +80,7 @@ fn write_run(
     writer.finish().map(drop)
 }
 
-/// Returns the header of a recording, in records of one second.
+/// Returns the header of a recording whose records last one second.
 fn content(spec: &SyntheticSpec) -> FileToWrite {
     let rails = [-8_388_608.0, 8_388_607.0];
     let range = rails.map(|counts| counts * spec.lsb_uv);

@@ -1,4 +1,4 @@
-//! What a classifier decides about a recording without board, bridge or clock.
+//! Decisions of a classifier about a recording, computed without board, bridge or clock.
 
 use std::path::Path;
 
@@ -30,7 +30,7 @@ pub(super) struct Reference {
     pub(super) predictions: Vec<Prediction>,
 }
 
-/// Returns the features that a device's pipeline computes from samples; none if the pipeline would
+/// Returns the features that a device's pipeline computes from samples; empty if the pipeline would
 /// refuse the classifier's filters.
 pub fn features(
     samples: impl Iterator<Item = Sample>,
@@ -77,8 +77,8 @@ impl Reference {
     /// Reads a recording, and computes the prediction of each hop.
     ///
     /// # Errors
-    /// The recording cannot be read, it has no event of a class, or the classifier is for another
-    /// model than the built-in one.
+    /// The recording cannot be read, it has no event for any of the classes, or the classifier is
+    /// for another model than the built-in one.
     pub(super) fn new(path: &Path, classifier: &Classifier, mains: Mains) -> Result<Self, Failure> {
         #[expect(clippy::cast_possible_truncation, reason = "a hop has 4 to 16 steps")]
         let fits = classifier.check_device(model::LABELS.split(' '), STEP_RATE_HZ, HOP as u8);

@@ -34,12 +34,12 @@ pub struct Received {
     pub latency_ms: f64,
 }
 
-/// Plays a recording to its end, and advances `bar` with each prediction that arrives. `own` are
+/// Plays a recording to its end, and advances `bar` with each prediction that arrives. `own` holds
 /// the paths of recording and classifier, `programs` is the folder of the programs, and `folder` is
 /// for temporary files.
 ///
 /// # Errors
-/// A program does not start, fails or stays silent.
+/// A program does not start, fails or does not respond in time.
 pub(super) async fn play(
     own: [&Path; 2],
     options: &Options,
@@ -90,7 +90,8 @@ pub(super) async fn play(
     }
 }
 
-/// Returns the prediction in a line of the bridge; `None` if the line holds another message.
+/// Returns the prediction in a line of the bridge's output; `None` if the line holds another
+/// message.
 fn prediction(line: &str, mains: Mains) -> Option<Received> {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).ok()?;
     let line: Value = serde_json::from_str(line).ok()?;

@@ -25,7 +25,7 @@ fn background(labels: &[&str]) -> Vec<Vec<f64>> {
     traces
 }
 
-/// Returns the share of the variance in the first 10, 20 and 30 principal components in space.
+/// Returns the share of the variance in the first 10, 20 and 30 spatial principal components.
 fn shares(traces: &[Vec<f64>]) -> [f64; 3] {
     let samples = DMatrix::from_fn(traces[0].len(), traces.len(), |sample, electrode| {
         traces[electrode][sample]

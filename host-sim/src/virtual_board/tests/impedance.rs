@@ -49,14 +49,14 @@ fn known_impedances_are_reported_every_second_under_synthetic_eeg() {
         };
         for ohms in &found {
             let measured = f64::from(ohms[electrode].expect("not open"));
-            // The synthetic EEG itself has 0.4 uV in the 1 Hz around 128 Hz, like 75 ohms RMS
-            // (measured).
+            // The synthetic EEG itself has 0.4 uV in the 1 Hz around 128 Hz, which is measured as
+            // 75 ohms RMS.
             let limit = 0.02 * set + 300.0;
             assert!((measured - set).abs() < limit, "{label}: {measured} of {set}");
         }
     }
     assert_eq!(board.stats().adc_status_bad, 0);
-    // `Stop` ends the measurement, also for the next run.
+    // `Stop` ends the measurement, so the next run does not continue it.
     let mut host = Encoder::default();
     send(&mut board, &mut host, ToDevice::Stop);
     send(&mut board, &mut host, START);

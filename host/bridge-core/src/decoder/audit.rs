@@ -170,7 +170,8 @@ pub struct AuditResult {
     pub rms: f64,
     /// Upper bound of `rms`, levels, for a device that computes its model correctly.
     pub rms_limit: f64,
-    /// Largest difference between the device's and the float network's code in one value, levels.
+    /// Largest difference of any single value between the device's code and the float network's
+    /// code, levels.
     pub largest: f64,
     /// Upper bound of `largest`, levels, for a device that computes its model correctly.
     pub largest_limit: f64,

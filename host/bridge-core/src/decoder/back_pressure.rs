@@ -1,14 +1,16 @@
 //! Decides when the bridge stops reading the port until the decoder has caught up.
 
-/// Number of windows that wait for the decoder above which the bridge stops reading a source that
-/// is faster than real time. 256 windows are 16 s of signal and take about 1 s to decode.
+/// Largest number of windows that may wait for the decoder. If more wait, the bridge stops reading
+/// a source that is faster than real time. 256 windows are 16 s of signal and take about 1 s to
+/// decode.
 const WAITING_WINDOWS: u64 = 256;
 
 /// Lead of the device's time over the host's time, microseconds, above which the source counts as
 /// faster than real time.
 const AHEAD_US: i64 = 10_000_000;
-/// The allowed lead grows by the elapsed time divided by this number (4 %), so that a fast clock
-/// never counts as a source faster than real time. RC oscillators are up to 3 % fast.
+/// In addition to [`AHEAD_US`], the device's time may be ahead by the elapsed time divided by this
+/// number (4 %), so that a fast clock never counts as a source faster than real time. RC
+/// oscillators are up to 3 % fast.
 const DRIFT: i64 = 25;
 
 /// Finds out whether the source is faster than real time, by comparing the device's time with the

@@ -75,15 +75,16 @@ impl Reconstruction {
         self.frame.neuroheader.seq
     }
 
-    /// Continues the sequence numbers of `before`, the previous device's reconstruction, and keeps
-    /// its last values for fillers. The frames of both must have the same shape.
+    /// Continues the sequence numbers of `before`, the previous device's reconstruction, and takes
+    /// over that reconstruction's last values for fillers. The frames of both must have the same
+    /// shape.
     pub fn continue_from(&mut self, before: &Reconstruction) {
         self.set_number(before.number());
         self.frame.eeg.data.clone_from(&before.frame.eeg.data);
     }
 
-    /// Increments the sequence number without decoding a window whose frame nobody receives.
-    /// Forgets the earlier windows, so the next frame is decoded from one window alone.
+    /// Skips a window whose frame nobody receives: increments the sequence number, but decodes
+    /// nothing. Forgets the earlier windows, so the next frame is decoded from one window alone.
     pub(crate) fn skip_frame(&mut self) {
         self.overlap.forget();
         self.count_frame();
@@ -145,7 +146,7 @@ impl Reconstruction {
     }
 }
 
-/// Overwrites all steps in `data` by the values of the last step; a step has `electrodes` values.
+/// Overwrites all steps in `data` with the values of the last step; a step has `electrodes` values.
 fn hold_last_step(data: &mut [f32], electrodes: usize) {
     let last = data.len() - electrodes;
     for step in 0..data.len() / electrodes - 1 {

@@ -403,8 +403,9 @@ fn publish(
     Ok(())
 }
 
-/// Numbers of windows that were decoded, that wait, and that were not decoded for each reason. Here
-/// a window is a code or a packed block. The program prints these numbers in its last line.
+/// Numbers of windows that were decoded, that still wait, and, for each reason, that were not
+/// decoded. Here a window is a code or a packed block. The program prints these numbers when it
+/// ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DecoderCounts {
     /// Number of codes and packed blocks decoded so far.

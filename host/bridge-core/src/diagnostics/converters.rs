@@ -44,7 +44,7 @@ impl ChainReport {
         }
     }
 
-    /// Returns the labels of all electrodes without contact, by the newest report.
+    /// Returns the labels of all electrodes that have no contact according to the newest report.
     pub(crate) fn electrodes_off(&self, labels: &[String]) -> Vec<String> {
         off(self.off_positive | self.off_negative, labels)
     }
@@ -100,8 +100,9 @@ impl ChainReport {
 /// 30 passes 6 % of the mains' amplitude.
 const MAX_OSCILLATOR_PPM: f64 = 1_000.0;
 
-/// Returns a warning if the converters' sampling rate by the host's clock is off the set rate.
-/// `drdy_millihertz` is the rate by the device's clock; `drift_ppm` relates the two clocks.
+/// Returns a warning if the converters' sampling rate, measured by the host's clock, differs from
+/// the set rate. `drdy_millihertz` is the rate measured by the device's clock; `drift_ppm` relates
+/// the two clocks.
 fn oscillator_warning(
     drdy_millihertz: u32,
     adc_rate_hz: u16,

@@ -55,7 +55,7 @@ pub struct DeviceSummary {
 /// the device reads a sample.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DrdyReport {
-    /// Rate of the DRDY edges by the device's clock, Hz; `None` if it was not measured.
+    /// Rate of the DRDY edges, measured by the device's clock, Hz; `None` if it was not measured.
     pub rate_hz: Option<f64>,
     /// Sampling rate to which the converters are set, Hz.
     pub expected_hz: f64,
@@ -75,7 +75,7 @@ pub struct ChipReport {
     pub chip: usize,
     /// Content of the chip's ID register.
     pub id: u8,
-    /// Name of the chip's type, as the ID register shows it.
+    /// Name of the chip's type, according to the ID register.
     pub part: String,
     /// Number of registers that did not keep the value written to them.
     pub registers_wrong: u8,
@@ -335,7 +335,6 @@ fn channel_row(channel: &ChannelReport) -> [String; 7] {
     ]
 }
 
-/// Returns `measured`, or "-" if there is no measurement.
 fn or_dash(measured: Option<String>) -> String {
     measured.unwrap_or_else(|| "-".to_owned())
 }

@@ -192,8 +192,8 @@ fn loss_status(session: &mut Session) -> DiagnosticStatus {
     let counts = codes.map(|codes| codes.counts).unwrap_or_default();
     let hops = codes.map(|codes| codes.timeline.counts().clone()).unwrap_or_default();
     let ledger = &hops.ledger;
-    // The count can fall: a restart subtracts a gap before a run that only an event has shown,
-    // because the next run counts this gap again.
+    // The count can fall. If only an event has shown that a run began, the gap before the run is
+    // already counted; a further restart subtracts this gap, because the next run counts it again.
     let since = hops.missing().saturating_sub(session.counts.missing_reported);
     session.counts.missing_reported = hops.missing();
     let mut losses = vec![(since, "codes")];

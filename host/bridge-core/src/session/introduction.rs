@@ -184,8 +184,9 @@ impl Session {
         }
     }
 
-    /// Checks that `device` matches the announced one. The model ids may differ if one of them is
-    /// the uploaded model's: a device can accept an upload after a refusal, or refuse it after use.
+    /// Checks that `device` matches the announced device. The model ids may differ if one of them
+    /// is the uploaded model's: a device can accept an upload that it has refused before, or refuse
+    /// one that it has used before.
     fn check_announced(&self, device: &Device) -> Result<(), DeviceError> {
         let Some(announced) = &self.announced else {
             return Ok(());
@@ -253,7 +254,8 @@ impl Session {
 
     fn set_decoding(&mut self, decoding: Decoding, effects: &mut dyn Effects) {
         if self.decoding.stream != decoding.stream {
-            // Publish the frame that waits for a packed block before the first frame of codes.
+            // Publish the last frame of packed blocks, which still waits for the next block, before
+            // any frame that is decoded from codes.
             effects.finish_blocks();
         }
         self.decoding = decoding;

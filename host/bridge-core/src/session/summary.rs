@@ -1,4 +1,4 @@
-//! Summary of the counts of streamed data, which the program prints as its last line.
+//! Summary of the counts of streamed data, which the program prints when it ends.
 
 use std::fmt;
 
@@ -46,8 +46,8 @@ pub struct Summary {
     /// Drift: rate of the host's clock divided by the rate of the device's clock, minus 1, in parts
     /// per million.
     pub drift_ppm: f64,
-    /// Of the device's processing stages, the one with the largest ratio of worst time to deadline
-    /// so far; `None` if the device reports no stages.
+    /// The device's processing stage with the largest ratio of worst time to deadline so far;
+    /// `None` if the device reports no stages.
     pub worst_stage: Option<StageTiming>,
     /// Counts of the decoder thread, which is not part of the core. A core sets all of them to 0.
     pub decoder: DecoderCounts,

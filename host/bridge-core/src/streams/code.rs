@@ -25,13 +25,13 @@ pub(crate) struct CodeStream {
     z: Vec<f32>,
     /// Whether `z` holds the newest code of this recording, which a filler can repeat.
     has_last: bool,
-    /// Whether packed blocks were decoded until now. Codes missing before the device's present run
-    /// then leave no gap in the decoded signals, so they are not passed to the decoder.
+    /// Whether the newest signals were decoded from packed blocks. If so, codes missing before the
+    /// device's present run leave no gap in the decoded signals and are not passed to the decoder.
     follows_other: bool,
     pub(crate) counts: CodeCounts,
     encoded_stamps: MonotoneStamps,
     window_stamps: MonotoneStamps,
-    /// Number of codes passed to the decoder so far, received or missing.
+    /// Number of codes passed to the decoder so far, including those passed as missing.
     pub(crate) passed: u64,
 }
 
@@ -144,7 +144,8 @@ impl CodeStream {
         self.fill(&missing, reception, effects);
     }
 
-    /// Publishes a filler for each missing code, unless turned off, and passes it to the decoder.
+    /// For each missing code, publishes a filler unless the user wants none, and passes the code to
+    /// the decoder as missing.
     fn fill(&mut self, missing: &[HopPlace], reception: Reception<'_>, effects: &mut dyn Effects) {
         if missing.is_empty() {
             return;

@@ -75,8 +75,8 @@ impl EventStream {
     }
 }
 
-/// Number of newest edges that are kept. Levels are looked up at most one frame, 62.5 ms, after an
-/// edge, and 256 edges are not expected in this time.
+/// Number of newest edges that are stored. Levels are looked up at most one frame, 62.5 ms, after
+/// an edge, and 256 edges are not expected in this time.
 const MAX_EDGES: usize = 256;
 
 /// Level of the trigger input at each ADC sample, reconstructed from the received edges.
@@ -134,8 +134,8 @@ pub(crate) enum BusEvent {
     ElectrodesOff(Vec<String>),
     /// All electrodes have regained contact.
     ElectrodesOn,
-    /// The device has changed which electrodes it excludes and fills. Holds the labels of all
-    /// excluded electrodes; empty if none is excluded any more.
+    /// The device has changed which electrodes it excludes; it computes their signals from the
+    /// others. Holds the labels of all excluded electrodes; empty if none is excluded any more.
     ElectrodesExcluded(Vec<String>),
     /// The user has marked this moment. Holds the user's text.
     Marker(String),
@@ -218,7 +218,7 @@ impl EventBus {
         self.shift_us = shift_us;
     }
 
-    /// Returns by how much stamps are later than the events, microseconds.
+    /// Returns how far the stamps of events are behind the events themselves, microseconds.
     pub(crate) fn shift_us(&self) -> i64 {
         self.shift_us
     }

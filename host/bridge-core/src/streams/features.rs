@@ -16,8 +16,8 @@ use crate::settings::{FillerPolicy, Settings};
 use crate::streams::hop_timeline::{HopPlace, HopTimeline};
 use crate::streams::stamps::{DecodedStream, Decoding, MonotoneStamps, Reception};
 
-/// Flags of hops whose features say nothing about the EEG, so the previous decision stays. The
-/// decision also stays if an electrode that a filter uses was at the rail during the hop.
+/// Flags of hops whose features do not represent the EEG. After such a hop, the previous decision
+/// stays. It also stays if an electrode that a filter uses was at the rail during the hop.
 const UNUSABLE: [Flags; 3] = [Flags::SETTLING, Flags::OVERRUN, Flags::ADC_STATUS_BAD];
 
 /// Classifies features, and publishes a prediction for each hop, even if the hop was lost.
@@ -87,7 +87,8 @@ impl FeatureStream {
         self.decision = Decision::new(&self.classifier);
     }
 
-    /// Returns the status for `/diagnostics`, with the number of hops without a new decision.
+    /// Returns the status `predictions` for `/diagnostics`, which counts lost features and repeated
+    /// predictions.
     pub(crate) fn status(&self) -> DiagnosticStatus {
         let counts = self.timeline.counts();
         let classes = self.classifier.decision.classes.iter();
@@ -117,7 +118,7 @@ impl FeatureStream {
         DiagnosticStatus::new("predictions", (level, message.to_owned()), values)
     }
 
-    /// Returns the counts for the last line of a program.
+    /// Returns the counts for the summary that a program prints when it ends.
     pub(crate) fn summary(&self) -> PredictionSummary {
         PredictionSummary {
             published: self.published,
@@ -126,7 +127,8 @@ impl FeatureStream {
         }
     }
 
-    /// Publishes the prediction of a hop, after repeated predictions for the hops lost before it.
+    /// Publishes the prediction of a hop. If hops before it were lost, first publishes the previous
+    /// prediction again for each of them, unless the user wants no fillers.
     pub(crate) fn receive(
         &mut self,
         features: &Features,

@@ -23,8 +23,8 @@ pub(crate) struct HopTimeline {
     pub(crate) device: Arc<Device>,
     /// Which stream is decoded for `/neurodata_reconstructed`, and whether it can be decoded.
     pub(crate) decoding: Decoding,
-    /// Whether the device is known to send the stream since its last restart: an item, a `Stats`
-    /// message or an acknowledgement has shown it.
+    /// Whether the device is known to have sent the stream since its last restart, from an item, a
+    /// `Stats` message or an acknowledgement.
     running: bool,
     /// Device time of the newest item, received or missing, microseconds.
     last_device_us: Option<u64>,
@@ -151,7 +151,7 @@ impl HopTimeline {
         self.running = true;
     }
 
-    /// Returns whether the device is known to send the stream since its last restart.
+    /// Returns whether the device is known to have sent the stream since its last restart.
     pub(crate) fn is_running(&self) -> bool {
         self.running
     }
@@ -280,7 +280,8 @@ impl HopTimeline {
     /// Returns the next row of a topic with one frame of `rows` rows per item, after `published`
     /// frames. A run's first item ends with step `last`; its frame begins with step `first`.
     /// `run_us` is the host time of the present run's ADC sample 0, microseconds, if an event of
-    /// this run shows it. Such an event begins the run if no item has begun it.
+    /// this run has revealed it. If no item of the run has arrived yet, such an event starts the
+    /// run.
     pub(crate) fn next_row(
         &mut self,
         [published, rows]: [u64; 2],
@@ -361,11 +362,11 @@ impl HopTimeline {
         places
     }
 
-    /// Counts `unfilled` missing items without a filler, because the gap is too long.
+    /// Counts `unfilled` missing items that get no filler, because the gap is too long.
     fn skip_unfilled(&mut self, unfilled: u64, gap: Gap) {
         self.counts.unfilled += unfilled;
-        // Skip the indices of the unfilled items between the runs too, although the device never
-        // numbered them, so that the indices of the next fillers show the gap.
+        // Advance the index by the unfilled items between the runs too, although the device never
+        // numbered them: the indices of the next fillers then show the gap.
         let between_runs = unfilled.min(gap.between_runs);
         #[expect(clippy::cast_possible_truncation, reason = "indices wrap")]
         let between_runs = between_runs as u32;
@@ -375,12 +376,12 @@ impl HopTimeline {
 }
 
 /// Time after the start of a run during which newer fits improve the estimate of that start,
-/// microseconds. Later fits follow the drift of the clock, and say less about the start.
+/// microseconds. Later fits follow the drift of the clock, and are less exact about the start.
 const IMPROVES_US: f64 = 60e6;
 
 /// Host time of a topic's newest item: a code, packed block, features, ADC sample or filtered step.
-/// When the device restarts, its own clock starts at 0 again, but the host's clock goes on and
-/// shows how many items are missing between the two runs.
+/// When the device restarts, its own clock starts at 0 again, but the host's clock goes on, so the
+/// host time reveals how many items are missing between the two runs.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Continuity {
     /// Host time of the newest item, microseconds; `None` before a recording's first item.
@@ -395,7 +396,8 @@ pub(crate) struct Continuity {
     /// added to the next gap, so the errors of many restarts never add up to more than half an
     /// item.
     left_over_us: f64,
-    /// Values of `run_us` and `left_over_us` before the present run; `None` from its first item on.
+    /// Values that `run_us` and `left_over_us` had before the present run; `None` from the run's
+    /// first item on.
     before: Option<(Option<[f64; 2]>, f64)>,
 }
 
@@ -413,8 +415,9 @@ impl Continuity {
         }
     }
 
-    /// Records that the device has restarted: the next item belongs to another run. If the ended
-    /// run had no item, the gap before it continues, so what was recorded about the gap is undone.
+    /// Records that the device has restarted: the next item belongs to another run. If the run that
+    /// ended had no item, the gap before that run continues, so what was recorded when that run
+    /// began is undone.
     pub(crate) fn end_run(&mut self) {
         self.run_ended = self.newest_us.is_some();
         if let Some(before) = self.before.take() {
@@ -473,7 +476,7 @@ mod tests {
         continuity.record(now_us, None);
         for _ in 0..1000 {
             continuity.end_run();
-            // The next run begins 2.4 periods later; the 1 that is added is its first item.
+            // The next run begins 2.4 periods later; the 1 counts its first item.
             now_us += 2.4 * 62_500.0;
             items += continuity.missing_before(now_us, 62_500.0) + 1;
             assert_eq!(continuity.missing_before(now_us, 62_500.0), 0, "asked twice");
@@ -489,7 +492,8 @@ mod tests {
         let (mut now_us, mut items) = (0.0, 0);
         for _ in 0..1000 {
             continuity.end_run();
-            // The first item is read 0.3 periods late, which the fit shows only with the next item.
+            // The first item is read 0.3 periods late. The fit reveals this only when the next item
+            // arrives.
             now_us += 3.0 * 62_500.0;
             items += continuity.missing_before(now_us + 0.3 * 62_500.0, 62_500.0) + 1;
             continuity.record(now_us, Some(now_us));

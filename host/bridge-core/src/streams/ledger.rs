@@ -121,11 +121,11 @@ pub(crate) struct CodeCounts {
     /// Number of cells of the encoder's input that the device clipped to int8. A cell counts once
     /// for each window that contains it.
     pub(crate) clipped: u64,
-    /// Number of values in codes that the device clipped to the range of the code's format.
+    /// Number of code values that the device clipped to the range of the code's format.
     pub(crate) clipped_values: u64,
 }
 
-/// Numbers of packed blocks by kind, and of their bits and clipped values.
+/// Counts of packed blocks by kind, of their bits, and of clipped values.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct PackedCounts {
     /// Number of bits in all blocks, without the overhead of the frames around them.
@@ -153,7 +153,7 @@ pub(crate) struct SampleCounts {
     /// Number of samples that are missing because restarts interrupted the stream.
     pub(crate) between_runs: u64,
     /// Number of samples that no published frame contains: samples of a frame that was unfinished
-    /// when the stream ended, samples of a gap in excess of two minutes, and, if the user wants no
+    /// when the stream ended, samples by which a gap exceeds two minutes, and, if the user wants no
     /// fillers, all samples of a frame with a lost sample.
     pub(crate) unpublished: u64,
     /// Number of messages whose content does not match the device's capabilities.
@@ -229,7 +229,7 @@ mod tests {
         assert_eq!(ledger.record(77), Arrival::New { lost: 0 });
         assert_eq!(ledger.count_lost_before(80), 2);
         assert_eq!((ledger.made(), ledger.lost), (3, 2));
-        // A report that the next number is one that was already received changes nothing.
+        // A report whose next number has already been received changes nothing.
         assert_eq!(ledger.count_lost_before(5), 0);
         assert_eq!(ledger.record(80), Arrival::New { lost: 0 });
     }

@@ -1,4 +1,4 @@
-//! Rows of a topic, and the stamps that place events at them in a recording.
+//! The next row of a topic, and the stamps with which a recorder places events at the right rows.
 
 use neuro_ros::{NeuroFrame, Stamp};
 
@@ -29,7 +29,8 @@ impl NextRow {
         if ahead < -MOST_BEHIND {
             return self.index;
         }
-        // Add more than the rounding error, so that `floor` keeps an exact number of rows.
+        // Add more than the rounding error, so that `floor` does not turn an exact number of rows
+        // into the number below.
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
         let rows = (ahead / self.samples_per_row + 1e-6).floor() as i64;
         self.index.saturating_add_signed(rows.saturating_add(1))
@@ -44,7 +45,7 @@ impl NextRow {
 /// number of rows since the start, not from the time of the row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RecordingStart {
-    /// Index of the first row among all rows published on the topic.
+    /// Number of rows that were published on the topic before the recording's first row.
     first_row: u64,
     /// Time that the recorder assumes for its first row, nanoseconds since 1970.
     start_ns: i64,
@@ -70,7 +71,7 @@ impl RecordingStart {
     ///
     /// The stamp is 1.5 rows later than the row. The recorder's library, libxdffileio, counts rows
     /// from 0, but GDF and its readers count from 1: one row corrects this. The library also rounds
-    /// down: with half a row more, the first frame may arrive up to half a row late.
+    /// down. The half row allows the first frame to arrive up to half a row late.
     pub fn stamp(&self, row: u64) -> Stamp {
         let half_rows = 2 * i128::from(row.saturating_sub(self.first_row)) + 3;
         let since_ns = half_rows * 500_000_000 / i128::from(self.rate_hz);

@@ -40,9 +40,9 @@ pub(crate) struct SampleStream {
     holds_filler: bool,
     /// Device time of the unfinished frame's first sample, microseconds.
     first_us: i128,
-    /// Host time at which the sample of `first_us` was at the electrodes, microseconds, by the fit
-    /// on its arrival; `None` without a fit. It replaces `first_us`, which is meaningless if the
-    /// device restarts before the frame is complete.
+    /// Host time at which the unfinished frame's first sample was at the electrodes, microseconds,
+    /// as fitted when that sample arrived; `None` without a fit. It replaces `first_us`, which is
+    /// meaningless if the device restarts before the frame is complete.
     first_host_us: Option<f64>,
     /// Index, within the topic, of the next sample to publish.
     next: u64,
@@ -127,8 +127,8 @@ impl SampleStream {
     /// Starts another run. Call this when the device counts samples from 0 again. When the first
     /// sample of the new run arrives, the gap since the previous run is filled.
     pub(crate) fn restart(&mut self) {
-        // If an event began the run but no sample came, the gap before the run has been counted.
-        // Subtract it here, because the next run counts it again.
+        // If an event started the run but no sample arrived, the gap before the run has been
+        // counted. Subtract the gap here, because the next run counts it again.
         let begun = self.run_start.take().unwrap_or(0);
         self.counts.between_runs -= begun.saturating_sub(self.next);
         self.timeline = None;
@@ -250,8 +250,8 @@ impl SampleStream {
     }
 
     /// Returns the next row of the topic. `adc_rate_hz` is the rate of the ADC. `run_us` is the
-    /// host time of the present run's ADC sample 0, microseconds, if an event of this run shows it;
-    /// the event begins the run if no sample has done so.
+    /// host time of the present run's ADC sample 0, microseconds, if an event of this run has
+    /// revealed it. If no sample of the run has arrived yet, such an event starts the run.
     pub(crate) fn next_row(&mut self, adc_rate_hz: u16, run_us: Option<f64>) -> NextRow {
         if let Some(first_us) = run_us {
             self.begin_run(first_us);
@@ -411,7 +411,7 @@ const CHANNELS: usize = u8::MAX as usize;
 pub(crate) struct CompressedSamples {
     /// The decoder; `None` until the first message arrives.
     decoder: Option<Box<Decoder<CHANNELS>>>,
-    /// Index of the sample that follows the newest message.
+    /// Index of the first sample after the newest message.
     next: u64,
     /// Number of samples that arrived but could not be decoded, because a block that they continue
     /// from was lost. They also count as lost.
@@ -426,7 +426,8 @@ impl CompressedSamples {
         }
     }
 
-    /// Decodes the samples of a message; `None` if samples that the message continues were lost.
+    /// Decodes the samples of a message; `None` if the message continues from samples that were
+    /// lost.
     ///
     /// # Errors
     ///
@@ -458,8 +459,8 @@ impl CompressedSamples {
                 flags: message.flags,
                 counts: counts.as_flattened(),
             })),
-            // A block was lost. After a restart, the indices may show no gap, but the checksum
-            // shows that this block continues from other samples.
+            // A block was lost. After a restart, the indices may hide this, but the checksum
+            // reveals that the block continues from samples that the decoder does not have.
             Err(DecodeError::NoKey | DecodeError::Sum) => {
                 self.undecodable = self.undecodable.saturating_add(samples);
                 Ok(None)

@@ -27,9 +27,11 @@ pub(crate) struct SideStreams {
     /// Number of messages that were ignored: not requested, from before the device's introduction
     /// or from a refused device, or audits of a model that the bridge does not have.
     pub(crate) unused: u64,
-    /// Number of audits that were not evaluated: model, format or size are not the device's.
+    /// Number of audits that were not evaluated, because their model, format or size differ from
+    /// the device's.
     pub(crate) audits_unusable: u64,
-    /// Samples of the message that is being handled, uV; kept to avoid allocations.
+    /// Buffer for the samples of the message that is being handled, uV; reused to avoid
+    /// allocations.
     microvolts: Vec<f32>,
 }
 
@@ -75,7 +77,7 @@ impl SideStreams {
         self.device = Some(Arc::clone(device));
     }
 
-    /// Sets by how much the stamps of events are later than the events. Call this after
+    /// Sets how far the stamps of events are behind the events. Call this after
     /// [`Self::set_device`]. `decoded` is the stream decoded for `/neurodata_reconstructed`.
     pub(crate) fn set_event_shift(&mut self, decoded: DecodedStream) {
         let Some(device) = &self.device else { return };
@@ -202,7 +204,7 @@ impl SideStreams {
         self.events.receive(event, at, row, &mut self.bus, effects)
     }
 
-    /// Requests the evaluation of an audit from the decoder thread. `model` is the device's model;
+    /// Passes an audit to the decoder thread, which evaluates it. `model` is the device's model;
     /// `None` if this bridge does not have it.
     pub(crate) fn receive_audit(
         &mut self,

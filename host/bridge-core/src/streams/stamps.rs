@@ -137,7 +137,7 @@ impl Device {
                         Reconstruction::lookback_steps(self, low_latency)
                     }
                     (DecodedStream::Packed, true) => hop - 1,
-                    // A frame is complete when the next block has corrected it.
+                    // A frame is complete only after the next block has corrected it.
                     (DecodedStream::Packed, false) => 2 * hop - 1,
                 };
                 self.steps_us(steps) + filters_us

@@ -7,10 +7,10 @@
 //! The fit uses the host's monotonic clock. The difference between wall clock and monotonic clock
 //! is added to the fitted host time.
 //!
-//! Delays in one direction cannot show which part of the offset is the least delay. Every stamp is
-//! therefore late by the least delay from a code's last sample to the reading of the code, which
-//! includes encoding and transfer. This lateness is constant and shifts all frames of a recording
-//! alike.
+//! From delays in one direction, the least delay cannot be told apart from the offset between the
+//! clocks. Every stamp is therefore late by the least delay from a code's last sample to the
+//! reading of the code, which includes encoding and transfer. This lateness is constant and shifts
+//! all frames of a recording alike.
 
 use crate::time::HostTime;
 use crate::time::fit::{Fit, Point};
@@ -21,8 +21,8 @@ const SETTLED_SPAN_US: f64 = 15e6;
 /// Limit of the slew of the smoothed wall clock against the monotonic clock, seconds per second.
 /// NTP slews the wall clock by at most 500 ppm, so the smoothed clock can follow.
 const WALL_SLEW: f64 = 600e-6;
-/// Difference between the wall clock and the smoothed one above which the wall clock counts as
-/// stepped, nanoseconds.
+/// Difference between the wall clock and the smoothed clock, nanoseconds, above which the wall
+/// clock counts as stepped.
 const WALL_STEP_NS: i64 = 20_000_000;
 /// After a backward step of the wall clock, stamps advance more slowly by this fraction until the
 /// wall clock has caught up. They therefore never go backwards.
@@ -44,8 +44,9 @@ pub struct Clock {
     /// Device time and host time of the first frame, microseconds. All points are relative to them,
     /// so that they are small enough to be exact in f64.
     origin: Option<(u64, i64)>,
-    /// First point of the fit, known before the first frame, microseconds: a device time, and the
-    /// host time at which a frame made at that time is read unless it is delayed.
+    /// First point of the fit, set before the first frame arrives, microseconds: a device time, and
+    /// the host time at which the bridge reads a frame that the device makes at that time, if
+    /// nothing delays the frame.
     anchor: Option<(u64, i64)>,
     fit: Fit,
     /// Latest device time of all frames so far, microseconds relative to `origin`.

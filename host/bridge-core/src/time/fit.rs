@@ -1,22 +1,23 @@
 //! Line through the earliest arrivals of a device's frames: host time as a function of device time.
 //!
 //! The host reads a frame some time after the device made it. This delay is never negative and is
-//! sometimes close to its minimum, so the line lies below all points (device time, host time) and
-//! touches some. Nothing is assumed about the size of the delays.
+//! sometimes close to its minimum, so the line lies below the points (device time, host time) and
+//! touches some of them. Nothing is assumed about the size of the delays.
 //!
 //! * **Points.** The device time is divided into blocks of up to 1 s; the frame with the least
 //!   delay stands for its block. The first frames are blocks of their own; as time passes, blocks
 //!   are joined in pairs, so that 64 to 128 blocks cover the history, up to two minutes.
 //! * **Backlogs.** Frames that follow each other faster than any device makes them have waited in a
-//!   buffer. All but the newest of them are proven late and are removed, so a backlog of any length
-//!   leaves no points.
+//!   buffer. All of them except the newest are certainly late and are removed, so a backlog of any
+//!   length leaves no points.
 //! * **Line.** Of all lines below the points, the line with the least mean distance to them is the
 //!   edge of their lower convex hull at the middle of the points (Moon, Skelly and Towsley, INFOCOM
 //!   1999). It is computed for all blocks, and for those of the newest 64 s and 24 s.
 //! * **Change of rate.** The longest history gives the most exact line while the clocks' rates are
-//!   constant. After a change, the line of a shorter history lies higher at the present. If it lies
-//!   higher by more than the spread of the points allows, the 64 s line replaces the longer line,
-//!   and the 24 s line lifts it (O. Lepski's choice of a window, 1990).
+//!   constant. After a change, the line of a shorter history lies higher at the newest points. If
+//!   it lies higher by more than the spread of the points explains, the 64 s line replaces the
+//!   longer line, whereas the 24 s line only raises the offset of the chosen line (O. Lepski's
+//!   choice of a window, 1990).
 //!
 //! The work per frame and the memory are limited by the number of blocks.
 
@@ -28,8 +29,8 @@ use std::collections::VecDeque;
 const MAX_DRIFT: f64 = 0.04;
 /// Device time that a block spans in the long run, microseconds.
 const BLOCK_US: f64 = 1e6;
-/// Least device time of a block once blocks are joined, microseconds. It is not 0, so that frames
-/// with the same device time are joined too.
+/// Least device time that a block spans after blocks have been joined, microseconds. It is not 0,
+/// so that frames with the same device time are joined too.
 const LEAST_BLOCK_US: f64 = 1.0;
 /// Largest number of blocks. With more, blocks are joined, or the oldest is dropped.
 const BLOCKS: usize = 128;
@@ -39,11 +40,13 @@ const MIN_BLOCKS: usize = 8;
 /// rate changes by 3.3 ppm/s (200 ppm a minute), a line over 24 s is off by up to 0.24 ms.
 const SHORTER_US: [f64; 2] = [64e6, 24e6];
 /// Shortest history whose line sets the drift, microseconds. If the host reads every 16 ms with 4
-/// ms of jitter, a line over 64 s shows the drift to 12 ppm, a line over 24 s only to 65 ppm.
+/// ms of jitter, a line over 64 s gives the drift to within 12 ppm, a line over 24 s only to within
+/// 65 ppm.
 const DRIFT_SPAN_US: f64 = 64e6;
-/// Duration of each group of blocks whose least delay is one value of the spread, microseconds.
+/// Duration of a group of blocks, microseconds. The spread is computed from the least delay of each
+/// group.
 const SPREAD_SPAN_US: f64 = 4e6;
-/// Least distance of two lines that counts as a change of rate, microseconds.
+/// Least distance between two lines that counts as a change of rate, microseconds.
 const LEAST_ALLOWANCE_US: f64 = 50.0;
 /// Divisor in the allowance's term s^2 / `SPREAD_US`, microseconds; s is the spread.
 const SPREAD_US: f64 = 250.0;
@@ -90,7 +93,7 @@ pub(crate) struct Fit {
     /// Device time that a block spans at present, microseconds; 0 while each frame is a block.
     block_us: f64,
     line: Line,
-    /// Vertices of the hull; kept to avoid allocations.
+    /// Buffer for the vertices of the hull; reused to avoid allocations.
     hull: Vec<Point>,
 }
 
@@ -206,8 +209,8 @@ impl Fit {
         blocks.clamp(1, self.blocks.len())
     }
 
-    /// Returns the line below the newest `count` blocks. With too few blocks it has the drift of
-    /// the line so far.
+    /// Returns the line below the newest `count` blocks. If these are fewer than [`MIN_BLOCKS`],
+    /// the line takes its drift from the present line.
     fn line_of(&mut self, count: usize) -> Line {
         let first = self.blocks.len().saturating_sub(count);
         let points = self.blocks.range(first..).map(|block| block.point);
@@ -237,7 +240,7 @@ impl Fit {
         bends.get(bends.len() * 3 / 4).copied().unwrap_or(0.0)
     }
 
-    /// Returns the lags behind `line` of the blocks from index `first` on, microseconds.
+    /// Returns by how much each block from index `first` on is later than `line`, microseconds.
     fn lags(&self, first: usize, line: Line) -> Vec<f64> {
         let blocks = self.blocks.range(first..);
         blocks.map(|block| line.lag_us(block.point)).collect()

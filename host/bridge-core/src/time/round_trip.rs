@@ -1,10 +1,10 @@
 //! Round trips of clock queries, which bound the constant delay of the stamps.
 //!
 //! [`Clock`] is fitted to messages in one direction only. Its host times are late by the least
-//! delay from a code's last sample to the reading of the code, and codes alone do not show how
-//! large that delay is. A query bounds it, because the device read the query after the host had
-//! sent it, and the host read the answer after the device had made it. With the fitted host time
-//! H(t) of a device time t:
+//! delay from a code's last sample to the reading of the code, and codes alone do not reveal how
+//! large that delay is. A query bounds the delay, because the device read the query after the host
+//! had sent it, and the host read the answer after the device had made it. With the fitted host
+//! time H(t) of a device time t:
 //!
 //! ```text
 //! H(answer made) - answer read  <=  stamps late by  <=  H(query read) - query sent
@@ -14,11 +14,12 @@
 //! Half of that difference is the uncertainty of the offset between the clocks.
 //!
 //! After a restart of the device, the first code can be read much later than the others, and then
-//! says little about the start of the new run. Queries before the stream starts say more: a frame
-//! made together with an answer is read no later than that answer plus the upper bound above,
-//! unless it is delayed more than the earliest codes are. This time is the first point of the new
-//! fit. It is too late by at most the transfer times of two round trips: the shortest before the
-//! restart, and the shortest before the start.
+//! reveals little about the start of the new run. A query before the stream starts reveals more.
+//! Consider a frame that the device makes together with the answer, and that is delayed no more
+//! than the earliest codes are. The host reads this frame at the latest when it reads the answer,
+//! plus the upper bound above. This latest time is the first point of the new fit. It is too late
+//! by at most the transfer times of two round trips: the shortest before the restart, and the
+//! shortest before the start.
 
 use std::collections::VecDeque;
 
@@ -35,7 +36,7 @@ const RETENTION_US: i64 = 60_000_000;
 pub(crate) struct RoundTrips {
     recent: VecDeque<RoundTrip>,
     /// Upper bound of the time by which stamps were late before the device was restarted,
-    /// microseconds; `None` if no round trip showed it.
+    /// microseconds; `None` if there was no round trip that gave a bound.
     late_before_us: Option<f64>,
     /// Number of answers that match no clock query or contain impossible times.
     pub(crate) impossible: u64,
@@ -60,7 +61,8 @@ impl RoundTrips {
         self.recent.clear();
     }
 
-    /// Returns whether answers before the stream starts can show when the new run begins.
+    /// Returns whether an answer that arrives before the stream starts can anchor the clock of the
+    /// new run. This takes a bound from before the restart of the time by which stamps are late.
     pub(crate) fn can_anchor(&self) -> bool {
         self.late_before_us.is_some()
     }
@@ -103,8 +105,8 @@ impl RoundTrips {
         }
     }
 
-    /// Returns, of the round trips in the last minute, the one with the shortest transfer time;
-    /// `None` if there is none.
+    /// Returns the round trip with the shortest transfer time in the last minute; `None` if there
+    /// was no round trip.
     pub(crate) fn shortest(&self, now: HostTime) -> Option<RoundTrip> {
         let fresh = |trip: &&RoundTrip| trip.read.monotonic_us >= now.monotonic_us - RETENTION_US;
         shortest(self.recent.iter().filter(fresh)).copied()

@@ -33,9 +33,9 @@ pub(crate) struct Commands {
     answered_rate: Option<(u8, AckResult)>,
     /// The exclusion policy that the user wants.
     exclusion: ExclusionPolicy,
-    /// The exclusion policy that the device has, by its newest report or answer.
+    /// The exclusion policy that the device has, according to its newest report or answer.
     known_exclusion: ExclusionPolicy,
-    /// The exclusion policy that the device has refused, and its answer.
+    /// The exclusion policy that the device has refused, and the device's answer.
     refused_exclusion: Option<(ExclusionPolicy, AckResult)>,
     /// Filters of the classifier, whose weights are in `filter_weights`; `None` without one.
     filters: Option<FeatureFilters<'static>>,
@@ -82,7 +82,7 @@ enum Introduction {
     Unusable,
 }
 
-/// Whether the device streams, as far as its acknowledgements show.
+/// Whether the device streams, according to its acknowledgements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum StreamState {
     Stopped,
@@ -104,7 +104,7 @@ enum UploadState {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum ImpedanceState {
     NotWanted,
-    /// The device is asked once it streams.
+    /// The device is to be asked when it streams.
     Due,
     /// The device has answered since its stream began.
     Answered(AckResult),
@@ -238,7 +238,8 @@ impl Commands {
         self.impedance = ImpedanceState::Due;
     }
 
-    /// Asks for events as the only stream, beside which every device can measure impedance.
+    /// Asks for events as the only stream. While it streams only events, every device can measure
+    /// impedance.
     pub(crate) fn stream_events_alone(&mut self) {
         self.streams = WantedStreams::alone(Streams::EVENTS);
     }
@@ -280,14 +281,15 @@ impl Commands {
         matches!(self.upload, UploadState::Refused)
     }
 
-    /// Asks the device whether it accepts a packed model, and also a linear code if `with_linear`,
-    /// and starts it only if it does.
+    /// Asks the device whether it accepts a packed model and, if `with_linear`, also a linear code.
+    /// A device that does not accept them is not started.
     pub(crate) fn require_slot(&mut self, with_linear: bool) {
         self.slot = SlotState::Unknown;
         self.asked_bytes = if with_linear { u32::MAX } else { 0 };
     }
 
-    /// Returns whether the device has answered that it accepts no such model.
+    /// Returns whether the device has answered that it does not accept the model that
+    /// [`Self::require_slot`] asks for.
     pub(crate) fn lacks_slot(&self) -> bool {
         self.slot == SlotState::Missing
     }
@@ -307,7 +309,8 @@ impl Commands {
         }
     }
 
-    /// Records that the device has introduced itself. `usable`: its codes can be published.
+    /// Records that the device has introduced itself. `usable` states whether its codes can be
+    /// published.
     pub(crate) fn device_introduced(&mut self, usable: bool) {
         self.device = if usable { Introduction::Usable } else { Introduction::Unusable };
     }
@@ -346,7 +349,7 @@ impl Commands {
     }
 
     /// Records that a valid frame was read. Call this for every frame, so that the device does not
-    /// count as silent.
+    /// count as unresponsive.
     pub(crate) fn frame_received(&mut self, now_us: i64) {
         self.last_frame_us = now_us;
     }
@@ -364,8 +367,8 @@ impl Commands {
         self.last_stream_us = None;
     }
 
-    /// Returns whether the device should be streaming, but has sent neither codes, packed blocks,
-    /// features nor a `Stats` with a running stream for 2 s.
+    /// Returns whether the device should be streaming, but has sent no codes, packed blocks or
+    /// features, and no `Stats` with a running stream, for 2 s.
     pub(crate) fn is_starved(&self, now_us: i64) -> bool {
         let last_stream_us = self.last_stream_us.filter(|_| self.stream != StreamState::Stopped);
         last_stream_us.is_some_and(|last_stream_us| now_us - last_stream_us > STARVED_AFTER_US)
@@ -418,7 +421,8 @@ impl Commands {
         self.accepts_codes() && self.stream != StreamState::Stopped
     }
 
-    /// Returns whether the user wants no stream and, by the last acknowledgement, none is running.
+    /// Returns whether the user wants no stream and, according to the last acknowledgement, none is
+    /// running.
     pub(crate) fn is_stopped(&self) -> bool {
         !self.streaming_wanted && self.stream == StreamState::Stopped
     }
@@ -478,8 +482,9 @@ impl Commands {
             (true, _) if let UploadState::Underway(uploading) = &self.upload => {
                 Some(uploading.command())
             }
-            // Every device refuses a model of this size and keeps its own. The reason shows whether
-            // it has a slot and, for the largest size, takes a linear code.
+            // Every device refuses a model of this size and keeps its own. The reason reveals
+            // whether the device has a slot and, if the announced size is the largest, whether it
+            // accepts a linear code.
             (true, _) if self.slot == SlotState::Unknown => {
                 Some(ToDevice::ModelBegin(ModelBegin {
                     bytes: self.asked_bytes,
@@ -504,7 +509,8 @@ impl Commands {
             (false, StreamState::Stopped) if let Some(command) = self.self_test.command() => {
                 Some(command)
             }
-            // Ask after `Start`: if a device cannot do both, it then refuses the measurement.
+            // Ask only after `Start`: a device that cannot do both then refuses the measurement,
+            // not the stream.
             (true, StreamState::Running) if self.impedance == ImpedanceState::Due => {
                 Some(ToDevice::SetImpedance { on: true })
             }

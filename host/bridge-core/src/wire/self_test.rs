@@ -12,7 +12,8 @@ const TIMEOUT_US: i64 = 15_000_000;
 pub(crate) enum SelfTestState {
     #[default]
     NotWanted,
-    /// The command must be sent, since the host time `since_us`, microseconds.
+    /// The command is due, since the host time `since_us`, microseconds; `None` before the first
+    /// tick.
     Due { since_us: Option<i64> },
     /// The device tests its converters.
     Running { since_us: i64 },
@@ -26,7 +27,7 @@ impl SelfTestState {
         matches!(self, SelfTestState::Due { .. }).then_some(ToDevice::SelfTest)
     }
 
-    /// Returns whether a result belongs to this self-test.
+    /// Returns whether the self-test is due or running, so that an arriving result belongs to it.
     pub(crate) fn is_underway(&self) -> bool {
         matches!(self, SelfTestState::Due { .. } | SelfTestState::Running { .. })
     }
@@ -45,7 +46,8 @@ impl SelfTestState {
         }
     }
 
-    /// Records the acknowledgement of the command.
+    /// Handles the acknowledgement of the self-test command: waits for the result if the device
+    /// runs the test, otherwise stores why the device refuses it.
     pub(crate) fn acknowledge(&mut self, result: AckResult, now_us: i64) {
         *self = match result {
             // A busy device is already testing: the acknowledgement of an earlier command was lost.

@@ -31,7 +31,7 @@ impl Upload {
         Upload { begin, bytes }
     }
 
-    /// Returns the id that the device reports once it uses the model.
+    /// Returns the id that the device reports when it uses the model.
     pub(crate) fn id(&self) -> [u8; 8] {
         self.begin.id
     }
@@ -90,7 +90,8 @@ impl Uploading {
                 self.failures += 1;
                 self.failures >= ATTEMPTS
             }
-            // The device has forgotten the announcement: it restarted, or another program made one.
+            // The device no longer has the announcement: it restarted, or another program sent
+            // another one.
             (ToDevice::ModelChunk(_) | ToDevice::ModelEnd, AckResult::BadArgument) => {
                 self.received = None;
                 false

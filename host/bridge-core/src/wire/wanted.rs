@@ -76,8 +76,9 @@ fn choices(wanted: Streams) -> Vec<Streams> {
     choices
 }
 
-/// Returns a variant of `wanted` for each kind of device: with network and packed code; with the
-/// packed code alone, so without codes; with the network alone, so with codes, not packed blocks.
+/// Returns the variants of `wanted` to try, one for each kind of device: with network and packed
+/// code; with the packed code only, so without codes; with the network only, so with codes but
+/// without packed blocks.
 fn encoder_choices(wanted: Streams) -> Vec<Streams> {
     if !wanted.contains(Streams::PACKED) {
         return vec![wanted];
@@ -112,7 +113,8 @@ pub(crate) struct ClockQuery {
     due_us: Option<i64>,
     /// Sequence number of the newest clock query, and its host time in microseconds.
     sent: Option<(u32, i64)>,
-    /// Whether the device, with older firmware, has refused a clock query; then no more are sent.
+    /// Whether the device has refused a clock query, as older firmware does. It gets no more
+    /// queries.
     refused: bool,
     /// Number of clock queries still to be sent before the stream starts.
     before_start: u8,
@@ -126,7 +128,7 @@ impl ClockQuery {
         self.due_us.get_or_insert(now_us + FIRST_US);
     }
 
-    /// Asks for clock queries before the next stream starts.
+    /// Requests clock queries, to be sent before the next stream starts.
     pub(crate) fn query_before_start(&mut self) {
         self.before_start = BEFORE_START;
     }
@@ -141,8 +143,8 @@ impl ClockQuery {
         self.unanswered && self.sent.is_some_and(is_recent)
     }
 
-    /// Returns the next clock query before the stream starts, unless one is unanswered. The caller
-    /// must send it in frame number `seq`.
+    /// Returns the next of the clock queries that precede the stream's start; `None` while one is
+    /// unanswered. The caller must send it in frame number `seq`.
     pub(crate) fn next_before_start(&mut self, now_us: i64, seq: u32) -> Option<ToDevice<'static>> {
         if self.refused || self.is_awaited(now_us) {
             return None;

@@ -99,12 +99,12 @@ pub(crate) struct Board {
     pub(crate) streams: Streams,
     /// Commands that the board received, oldest first, each with its sequence number.
     pub(crate) received: Vec<(u32, ToDevice<'static>)>,
-    /// Announcement of the model that is uploaded, and its bytes so far; `None` without a slot.
+    /// The model that is being uploaded: its announcement, and its bytes received so far; `None` if
+    /// the board has no slot for a model.
     pub(crate) slot: Option<(ModelBegin, Vec<u8>)>,
 }
 
-/// Size in bytes of the largest model that a board with a slot accepts: too small for a linear
-/// code.
+/// Size in bytes of the largest model that a board with a slot accepts. A linear code needs more.
 const LARGEST_MODEL: u32 = 10_000;
 
 /// Id of the model with which a board with a slot was built.
@@ -167,7 +167,8 @@ impl Board {
         Board { hop_steps: 16, session_id: 77, ..Board::new() }
     }
 
-    /// Creates a board with this result in the acknowledgements that `ack_result` describes.
+    /// Creates a board whose acknowledgements of the commands listed at [`Self::ack_result`] have
+    /// this result.
     pub(crate) fn answering(ack_result: AckResult) -> Board {
         Board { ack_result, ..Board::new() }
     }
@@ -193,7 +194,7 @@ impl Board {
         self.encoder.skip();
     }
 
-    /// Returns the announcement of the model that a command of an upload is about.
+    /// Returns the announcement of the model to whose upload `command` belongs.
     fn announced(&self, command: &ToDevice) -> ModelBegin {
         match (command, &self.slot) {
             (ToDevice::ModelBegin(begin), _) | (_, Some((begin, _))) => *begin,
@@ -358,7 +359,7 @@ impl Board {
         self.code_of(device_us, &CodeValues::int8(&[value.cast_unsigned(); NUMBERS]))
     }
 
-    /// Returns the frame of the next code, with `values`, made at the device time `device_us`.
+    /// Returns a frame with the next code, which has `values` and was made at `device_us`.
     pub(crate) fn code_of(&mut self, device_us: u64, values: &CodeValues) -> Vec<u8> {
         let window = self.next_window;
         self.now_us = device_us;

@@ -1,4 +1,5 @@
-//! The fit of the device's clock, in virtual time: reads can be delayed, bunched or stalled.
+//! Tests of the fit of the device's clock, in virtual time, with delayed, bunched and stalled
+//! reads.
 #![allow(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -20,8 +21,8 @@ const SETTLED_S: f64 = 60.0;
 /// Largest drift of a device with a crystal, ppm.
 const CRYSTAL_PPM: f64 = 100.0;
 
-/// Drift, ppm, at which the codes move so slowly relative to reads every 16 ms that minutes pass
-/// until one is read without delay.
+/// Drift, ppm, at which the codes shift so slowly relative to the host's reads, one every 16 ms,
+/// that it takes minutes until a code is read without delay.
 const BEAT_PPM: f64 = -7.0;
 
 /// Conditions of a simulated run: rates of the clocks, reads, delays, stalls of the host.
@@ -62,7 +63,8 @@ const QUIET: Run = Run {
     seconds: 300.0,
 };
 
-/// Host time in seconds, and error of the stamp of the code read then, microseconds.
+/// For each code: the host time at which it is read, seconds, and the error of its stamp,
+/// microseconds.
 type Errors = Vec<(f64, f64)>;
 
 impl Run {
@@ -74,8 +76,8 @@ impl Run {
         self.ppm + self.changes.iter().map(change).sum::<f64>()
     }
 
-    /// Returns the errors of all stamps. The stamp is taken right after its code was read, as when
-    /// it is published.
+    /// Returns the errors of all stamps. Each code's stamp is computed right after the code is
+    /// read, as when the code is published.
     ///
     /// # Panics
     ///
@@ -98,7 +100,7 @@ impl Run {
             let stall = self.stalls.iter().rfind(stalled);
             let free_us = stall.map_or(0.0, |[_, until]| until * 1e6);
             read_us = arrival_us.max(free_us).max(read_us + BACKLOG_READ_US);
-            // A step of the wall clock shows in all codes that are read after it.
+            // A step of the wall clock affects the host times of all codes that are read after it.
             let step_ns = (self.wall_step_ns)(read_us / 1e6);
             let wall_ns = |us: f64| WALL_START_NS + (us * 1000.0) as i64 + step_ns;
             let read = HostTime { monotonic_us: read_us as i64, wall_ns: wall_ns(read_us) };
@@ -167,7 +169,7 @@ fn stamps_are_exact_at_any_rate_of_a_device_while_it_warms_up_and_after_stalls()
             }
         }
         for reads in [AT_ARRIVAL, USB_FRAMES] {
-            // The device warms up by 200 ppm in a minute, or cools down.
+            // While the device warms up or cools down, its drift changes by 200 ppm in a minute.
             for changes in [&[[120.0, 60.0, 200.0]], &[[120.0, 60.0, -200.0]]] {
                 runs.push(Run { ppm, reads, changes, seconds: 600.0, ..QUIET });
             }

@@ -35,7 +35,7 @@ fn an_edge_becomes_an_event_at_its_own_time() {
     let since = rise.header.stamp.nanoseconds() - WALL_START_NS;
     assert_eq!(since, happened.cast_signed() * 1000);
     assert_eq!(fall.header.stamp.nanoseconds() - rise.header.stamp.nanoseconds(), 5_000_000);
-    // The places of the events have the device times of the edges.
+    // The device time published with each event is that of its edge.
     let times = [happened, happened + 5_000].map(Some);
     let places = harness.recorder.places.iter();
     assert!(places.map(|place| place.device_us).eq(times));

@@ -76,7 +76,8 @@ impl Loop {
         self.hop += hops;
     }
 
-    /// Returns probability of the second class, the chosen class, and the flags of each prediction.
+    /// Returns, for each prediction, the probability of the second class, the chosen class, and the
+    /// flags.
     fn predictions(&self) -> Vec<(f32, Option<usize>, &str)> {
         let predictions = self.harness.recorder.predictions.iter();
         let summary = |output: &'_ NeuroOutput| {

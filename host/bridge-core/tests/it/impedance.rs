@@ -6,7 +6,8 @@ use neuro_ros::DiagnosticLevel;
 use crate::board::Board;
 use crate::recorder::{Harness, SETTINGS, commands, state};
 
-/// Creates a harness whose user wants impedances, less 2.2 kOhm in series with each electrode.
+/// Creates a harness whose user asks for impedances, and states 2.2 kOhm in series with each
+/// electrode.
 fn measuring(board: Board) -> Harness {
     let mut harness = Harness::new(SETTINGS, board);
     harness.core.measure_impedance(2_200);
@@ -14,7 +15,7 @@ fn measuring(board: Board) -> Harness {
     harness
 }
 
-/// Returns how often the device was asked to measure.
+/// Returns how often the device was asked to measure impedance.
 fn asked(harness: &Harness) -> usize {
     let commands = commands(harness);
     commands.iter().filter(|name| **name == "set impedance").count()
@@ -41,8 +42,8 @@ fn a_measurement_alone_streams_nothing_but_events() {
     harness.exchange();
     assert_eq!(harness.board.streams, Streams::EVENTS);
     assert_eq!(asked(&harness), 1);
-    // The device streams, although it sends neither codes nor blocks. A new start would begin the
-    // measurement again.
+    // The device still streams, although it sends neither codes nor blocks. If the bridge started
+    // it again, the measurement would begin again.
     for _ in 0..20 {
         harness.now_us += 1_000_000;
         let stats = harness.board.stats(Streams::EVENTS);

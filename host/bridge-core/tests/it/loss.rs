@@ -30,7 +30,7 @@ proptest! {
         prop_assert_eq!(summary.received + summary.lost, summary.made);
         prop_assert_eq!((summary.fillers, summary.frames_lost), (lost, lost));
         assert_evenly_spaced(&harness.recorder.encoded);
-        // Every frame, also a filler, has the window index, the device time and the losses so far.
+        // Every frame, even a filler, has the window index, the device time and the losses so far.
         for (frame, index) in harness.recorder.encoded.iter().zip(0..) {
             prop_assert_eq!(frame.tri.data[1], index);
             let device_us = 1_000_000 + 62_500 * (i64::from(index) + 1);

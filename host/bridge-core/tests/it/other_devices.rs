@@ -1,5 +1,5 @@
 //! Devices whose model, shape or code format differs from the announced device's, newer devices,
-//! and noise on the line.
+//! and noise on the serial line.
 
 use link::{AckResult, CodeFormat, CodeValues, Message, ToHost};
 

@@ -107,7 +107,7 @@ fn codes_beside_blocks_are_published_and_not_decoded() {
     let recorder = &device.harness.recorder;
     assert_eq!(recorder.encoded.len(), 4);
     assert_eq!((recorder.windows.len(), recorder.blocks.len()), (0, 4));
-    // Each block has its own device time, also the first one, before any code.
+    // Each block has its own device time, even the first one, which comes before any code.
     for (block, device_us) in recorder.blocks.iter().zip((1_062_500..).step_by(62_500)) {
         assert_eq!(block.words.device_time_us, device_us);
     }

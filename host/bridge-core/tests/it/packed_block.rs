@@ -12,7 +12,8 @@ pub(crate) fn block(index: u32, seed: u32, rate: u8) -> Vec<u8> {
     coarser_block(index, seed, [rate, rate])
 }
 
-/// Returns a block as [`block`] does, but quantised at `rate` in a stream of the rate `announced`.
+/// Returns a block like [`block`], but quantised at the rate `rate`, although the stream has the
+/// rate `announced`.
 pub(crate) fn coarser_block(index: u32, seed: u32, [announced, rate]: [u8; 2]) -> Vec<u8> {
     let model = model();
     let packed = model.packed().unwrap();

@@ -53,12 +53,13 @@ fn codes_in_the_place_of_blocks_are_announced_and_decoded() {
 
 #[test]
 fn events_are_shifted_by_the_delay_of_the_stream_that_is_decoded() {
-    // The part of the shift that does not depend on the stream: group delay 10 ms, less a frame of
-    // four steps (31.25 ms), plus 1.5 steps.
+    // The part of the recorder shift that does not depend on the stream: group delay 10 ms, less a
+    // frame of four steps (31.25 ms), plus 1.5 steps.
     let rest_us = 10_000 - 31_250 + 11_718;
     for (supported, low_latency, steps_us) in [
-        // Number of steps from a frame's first step until the frame is complete: 15 if it is
-        // decoded from codes, 7 if from blocks, 3 with low latency.
+        // Expected times from a frame's first step until the frame is complete, microseconds: 15
+        // steps if the frame is decoded from codes, 7 steps if from blocks, 3 steps with low
+        // latency.
         (NETWORK, false, 117_187),
         (Streams::ALL, false, 54_687),
         (NETWORK, true, 23_437),
@@ -81,7 +82,8 @@ fn events_are_shifted_by_the_delay_of_the_stream_that_is_decoded() {
 }
 
 /// Restarts the board with another image, which supports the `supported` streams. The restart takes
-/// one hop. The first code is one hop later, so both hops of its window have passed.
+/// one hop, and the first code comes another hop later. By then, both hops of its window have
+/// passed.
 fn restart_with(harness: &mut Harness, supported: Streams) {
     harness.board.supported = supported;
     harness.reboot(62_500);
@@ -93,7 +95,7 @@ fn the_time_in_which_codes_were_decoded_is_not_filled_when_packed_blocks_return(
     let mut device = Packed::new(settings);
     device.send_all(5, false);
     restart_with(&mut device.harness, NETWORK);
-    // The frame of the last block is published before the first frame of a code.
+    // The frame of the last block is published before the first frame that is decoded from a code.
     assert_eq!(device.harness.recorder.finished, [5]);
     device.harness.codes(160, 1);
     restart_with(&mut device.harness, Streams::ALL);
@@ -146,7 +148,7 @@ fn signals_are_decoded_although_the_acknowledgement_of_the_start_was_lost() {
     assert_eq!(origins(&harness), ["packed code", "autoencoder"]);
     let recorder = &harness.recorder;
     assert_eq!((recorder.encoded.len(), recorder.windows.len()), (6, 6));
-    // Now the same happens after a restart with an image that has the packed code.
+    // The acknowledgement is lost again, after a restart with an image that has the packed code.
     harness.board.reboot();
     harness.board.supported = Streams::ALL;
     let hello = harness.board.hello();

@@ -58,7 +58,7 @@ fn after_a_stop_all_blocks_have_frames_and_the_next_recording_starts_anew() {
     let firsts = device.harness.recorder.blocks.iter();
     let firsts: Vec<bool> = firsts.map(|block| block.is_first).collect();
     assert_eq!(firsts, [&[true][..], &[false; 4], &[true], &[false; 4]].concat());
-    // The prediction for the lost block starts from nothing, not from blocks of the run before.
+    // The prediction for the lost block does not build on blocks of the previous run.
     let (_, smoothed) = decode([None, Some(1)].into_iter());
     assert_eq!(Some(&frames[5].eeg.data), smoothed[1].as_ref());
     let filler = flags(&frames).iter().position(|flags| flags & 0x8000 != 0);
@@ -81,7 +81,7 @@ fn an_audit_after_a_stop_is_not_compared_with_blocks_of_the_recording_before() {
     for block in &recorder.blocks {
         decoder.next_frame(block);
     }
-    // The window covers blocks 2 and 3, which belong to the recording before.
+    // The window covers blocks 2 and 3, which belong to the previous recording.
     let window = crate::packed::window(&device, 2, &[0.0; 16 * 61]);
     assert_eq!(window.compare_packed(&model, &decoder), None);
 }

@@ -77,7 +77,8 @@ fn steps_that_no_window_contains_are_filled_and_flagged() {
 fn a_frame_carries_the_flags_of_both_its_windows_and_that_of_a_missing_one() {
     // A frame decoded from one window alone has the flag `HEALING`: its error is larger.
     let alone = i32::from(Flags::HEALING.bits());
-    // Whether the code arrives, window, flags of the window, flags of the frame.
+    // Columns: whether the code arrives; index of the window; flags of the window; flags of the
+    // frame.
     let cases = [
         (true, 0, 2, 2 | alone),
         (true, 1, 4, 6),
@@ -103,8 +104,9 @@ fn a_frame_carries_the_flags_of_both_its_windows_and_that_of_a_missing_one() {
     }
 }
 
-/// Which values are right is tested in `artifact::reconstruction`: averages of windows, the newest
-/// steps with low latency, limited to full scale, and no values of another stream.
+/// Tests only that the bits are equal. Whether the values are right is tested in
+/// `artifact::reconstruction`: averages of windows, the newest steps with low latency, limits at
+/// full scale, and no values of another stream.
 #[test]
 fn frames_hold_the_bits_of_the_crate_that_every_program_decodes_with() {
     let artifact =
@@ -121,7 +123,8 @@ fn frames_hold_the_bits_of_the_crate_that_every_program_decodes_with() {
             full_scale_uv: 187_500.0,
         });
         let mut hop = vec![0.0; usize::from(hop_steps) * device.labels.len()];
-        // The stream restarts after window 3, and the values of its window 1 exceed full scale.
+        // The stream restarts after window 3. The values of the second window after the restart
+        // exceed full scale.
         let scaled =
             |index: u16, by: f32| -> Vec<f32> { z(index).iter().map(|value| value * by).collect() };
         for (index, values) in [
@@ -137,7 +140,8 @@ fn frames_hold_the_bits_of_the_crate_that_every_program_decodes_with() {
                 flags: 0,
                 values: values.as_ref().map(|values| decoder.decode(values)),
             };
-            // The filler policy decides a frame without a code; see the test of fillers.
+            // The values of a frame without a code depend on the filler policy, which another test
+            // covers.
             let source = overlap.next_hop(decoded, &mut hop).source;
             let frame = reconstruction.next_frame(&window(index, values)).unwrap();
             if source != Source::Missing {

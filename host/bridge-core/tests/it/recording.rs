@@ -17,7 +17,8 @@ use neuro_ros::{NeuroEvent, NeuroFrame, Stamp};
 use crate::board::{Board, Noise, at, model};
 use crate::recorder::SETTINGS;
 
-/// Time from one restart of the board to the next, and time without data at each, seconds.
+/// Time from one restart of the board to the next, and duration of the outage at each restart,
+/// seconds.
 const RESTART_EVERY_S: f64 = 130.0;
 const OUTAGE_S: f64 = 2.345;
 /// Time from the publication of a frame to its arrival at a recorder, seconds.
@@ -77,7 +78,7 @@ struct Tape {
     settings: Settings,
     sent: Vec<u8>,
     now_us: i64,
-    /// Host time of device time 0 of each run of the board, seconds.
+    /// For each run of the board, the host time at which the device time was 0, seconds.
     runs_s: Vec<f64>,
     /// Number of restarts before the newest row, and that row's device time, microseconds.
     newest: (usize, i64),
@@ -254,9 +255,9 @@ impl Rig {
         }
     }
 
-    /// Records for `seconds`, with edges about every second. A second recording begins after half
-    /// of this time. If `loss` is not 0, this fraction of the frames is lost, and the board
-    /// restarts.
+    /// Records for `seconds`, with a trigger edge about every second. A second recording begins
+    /// after half of this time. If `loss` is not 0, this fraction of the frames is lost, and the
+    /// board restarts every [`RESTART_EVERY_S`].
     fn record(&mut self, seconds: f64, loss: f64) {
         self.core.connected(at(self.tape.now_us), &mut self.tape);
         self.receive(&[]);
@@ -277,7 +278,7 @@ impl Rig {
                 self.tape.now_us = (now_s * 1e6) as i64;
                 let hello = self.board.hello();
                 self.receive(&hello);
-                // The first edge of a run comes before its first code, step and message.
+                // Make the first edge of the run come before its first code, step and message.
                 edge_s = now_s + 0.005;
             }
             if edge_s <= now_s {
@@ -294,8 +295,8 @@ impl Rig {
 }
 
 /// Records `seconds` with clocks of ADC and microcontroller that are fast by `ppm`. Returns the
-/// largest errors of edges, in rows: with the recorder's own stamps, and with the stamps for
-/// others.
+/// largest errors of edges, in rows: with the recorder's own stamps, and with the stamps for other
+/// subscribers.
 fn largest_errors(settings: Settings, ppm: [f64; 2], seconds: f64, loss: f64) -> [f64; 2] {
     let [adc, clock] = ppm.map(|ppm| 1.0 / (1.0 + ppm * 1e-6));
     let mut board = Board::new();
@@ -332,7 +333,8 @@ fn largest_errors(settings: Settings, ppm: [f64; 2], seconds: f64, loss: f64) ->
                 *most = most.max(((row_at_s - edge_s) / row_s).abs());
             }
         }
-        // Check no gaps among reconstructed rows, which a lost code shares with its neighbours.
+        // Do not check gaps in reconstructed signals: the codes before and after a lost code
+        // contain some of its rows too.
         if settings.announced != AnnouncedStream::Reconstructed {
             let is_filler = |row: i64| recording.rows[row as usize].is_none();
             let end = recording.rows.len();
@@ -378,8 +380,8 @@ fn an_edge_is_at_most_a_row_from_its_place_after_an_hour_of_any_clock() {
         .map(|(ppm, seconds, loss)| largest_errors(settings, ppm, seconds, loss));
         println!("{name}: {:.2?} rows", errors.map(|[error, _]| error));
         assert!(errors.iter().all(|[error, _]| *error <= 1.0), "{name}: {errors:?}");
-        // With exact clocks, the stamps for others are right to half a row and the 3.5 ms by which
-        // the first frame can come later than other frames.
+        // With exact clocks, the stamps for other subscribers are off by at most half a row plus
+        // 3.5 ms, by which the first frame can be more delayed than later frames.
         assert!(errors[0][1] <= 2.5, "{name}: {errors:?}");
     }
 }

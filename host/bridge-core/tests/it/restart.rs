@@ -43,7 +43,7 @@ impl Recording {
         self.harness.receive(&code);
     }
 
-    /// Delivers the first `count` of the four messages with samples of a hop, and the filtered
+    /// Delivers the first `count` of the four messages with the hop's samples, and the filtered
     /// steps that are complete by then.
     fn messages(&mut self, count: u64) {
         for message in 0..count {
@@ -102,8 +102,8 @@ fn the_time_of_a_restart_is_filled_flagged_and_counted_on_every_topic() {
     }
     let summary = recording.harness.core.summary();
     assert_eq!((summary.received, summary.lost, summary.resets), (32, 0, 1));
-    // 2.05 s and the new run's first hop are 33.8 hops, rounded to 34. The code of the last of them
-    // was made, so 33 are missing.
+    // The outage of 2.05 s and the new run's first hop last 33.8 hops, rounded to 34. The device
+    // made the code of the 34th hop, so 33 codes are missing.
     assert_eq!((summary.between_runs, summary.fillers), (33, 33));
     let fillers = recording.harness.fillers();
     assert_eq!(fillers.iter().filter(|filler| **filler).count(), 33);
@@ -128,7 +128,8 @@ fn after_a_restart_too_long_to_fill_the_indices_of_codes_show_the_gap() {
         i64::from(words[1]) | i64::from(words[2]) << 16
     });
     let windows: Vec<i64> = windows.collect();
-    // 16 codes, 65,536 fillers with the last indices of the older run, and a code of the new run.
+    // 16 codes; 65,536 fillers, which have the last indices of the previous run; a code of the new
+    // run.
     assert_eq!(windows.len(), 16 + 65_536 + 1);
     assert_eq!(windows[15..17], [15, 16 + missing - 65_536]);
     assert_eq!(windows[16 + 65_535..], [15 + missing, 0]);
@@ -200,7 +201,8 @@ fn the_time_in_which_another_device_is_refused_is_filled() {
     recording.run_us = recording.harness.now_us;
     recording.hops = 0;
     recording.hop();
-    // 16 hops pass while the other device is connected. The code of the hop after them was made.
+    // 16 hops pass while the other device is connected. The next hop's code is the first of the new
+    // run, so 16 codes are missing.
     assert_eq!(recording.harness.core.summary().between_runs, 16);
     assert_eq!(recording.harness.recorder.encoded.len(), 16 + 16 + 1);
 }

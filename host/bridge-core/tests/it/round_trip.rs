@@ -83,8 +83,8 @@ fn the_shortest_round_trip_bounds_the_delay_of_stamps() {
     assert_no_round_trip(&mut harness);
 }
 
-/// Delivers `count` codes of the board, whose run began at the host time `run_us`. Each code is
-/// read 4 ms after it was made, the first code another `late_us` later.
+/// Delivers `count` codes of the board, whose run began at the host time `run_us`. The host reads
+/// each code 4 ms after it was made, and the first code `late_us` later than that.
 fn run_of_codes(harness: &mut Harness, run_us: i64, count: i64, mut late_us: i64) {
     let zero_us = harness.board.zero_us.unwrap();
     for hop in 1..=count {
@@ -98,7 +98,8 @@ fn run_of_codes(harness: &mut Harness, run_us: i64, count: i64, mut late_us: i64
 
 #[test]
 fn after_a_restart_queries_before_the_start_show_when_the_run_begins() {
-    // Without an answer before the restart, the delay of the first code adds a filler.
+    // Without an answer before the restart, the bridge does not know that the first code is
+    // delayed, and publishes one filler more.
     for (answers, asked, fillers) in [(true, 5, 32), (false, 0, 33)] {
         let mut harness = Harness::streaming(SETTINGS, Board::new());
         harness.board.zero_us = Some(harness.now_us);
@@ -107,7 +108,7 @@ fn after_a_restart_queries_before_the_start_show_when_the_run_begins() {
         run_of_codes(&mut harness, run_us, if answers { 48 } else { 8 }, 0);
         let before = harness.board.received.len();
         let frames = harness.recorder.encoded.len();
-        // The outage and the first hop are 33 hops.
+        // The outage and the new run's first hop together last 33 hops.
         let run_us = harness.now_us - 4_000 + 32 * 62_500;
         harness.board.zero_us = Some(run_us);
         harness.reboot(run_us - harness.now_us);

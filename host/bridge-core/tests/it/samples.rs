@@ -126,7 +126,8 @@ fn the_delay_of_the_filters_is_removed_from_stamps_of_steps_only() {
     }
 }
 
-/// Delivers four filtered steps from step `first` on. All counts of a step are the step's index.
+/// Delivers four filtered steps from step `first` on. In each step, the value of every electrode is
+/// the step's index.
 fn steps(harness: &mut Harness, first: u64, electrodes: u8, fraction_bits: u8) {
     let values = (first..first + 4).flat_map(|step| {
         let value = i32::try_from(step << fraction_bits).unwrap();
@@ -236,8 +237,8 @@ fn an_outage_too_long_to_fill_is_counted_and_frames_stay_aligned() {
         send_samples(&mut harness, first + message * 8, Flags::empty());
     }
     let frames = harness.recorder.raw.clone();
-    // The published frames are the first one, completed with fillers, about 1,920 frames of fillers
-    // (120 s), and the one with the newest samples.
+    // The published frames are the first one, which fillers complete; about 1,920 frames of fillers
+    // (120 s); and the one with the newest samples.
     let last = frames.last().unwrap();
     assert_eq!(row(last, 31).0[0], microvolt(first + 55, 0));
     assert!((1921..=1923).contains(&frames.len()), "{}", frames.len());

@@ -1,4 +1,4 @@
-//! Connections, reboots, starts and stops of a device, and devices that fall silent or refuse
+//! Connections, reboots, starts and stops of a device, and devices that stop sending or refuse
 //! commands.
 
 use std::time::Duration;
@@ -82,7 +82,8 @@ fn a_thousand_outages_are_counted_exactly_and_filled() {
         received += 1;
         lost += missing;
     }
-    // After the bridge's first commands, a reconnection does not stop its own stream.
+    // After its first commands the bridge sends no `Stop` when it reconnects, because it started
+    // the stream itself.
     let mut sent = commands(&harness);
     sent.retain(|name| *name != "sync time");
     assert!(sent[3..].chunks(2).all(|pair| pair == ["identify", "start"]));

@@ -8,7 +8,7 @@ use crate::recorder::{Harness, SETTINGS, commands, value};
 
 const PACKED: Settings = Settings { streams: Streams::PACKED, ..SETTINGS };
 
-/// Content of the uploaded model, which the bridge does not interpret: three chunks.
+/// Content of the uploaded model, three chunks long. The bridge does not interpret it.
 fn content() -> Vec<u8> {
     (0..3000_u32).map(|byte| (byte * 31 % 251).to_le_bytes()[0]).collect()
 }

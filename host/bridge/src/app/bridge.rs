@@ -48,8 +48,8 @@ pub struct Publication {
     pub settings: Settings,
     /// Folder of the model with which codes are decoded; `None` for the built-in model.
     pub model: Option<PathBuf>,
-    /// Folder of a model to upload to the device, which also decodes codes in place of `model`;
-    /// `None` to upload nothing.
+    /// Folder of a model to upload to the device; the bridge decodes codes with this model instead
+    /// of `model`. `None` uploads nothing.
     pub upload_model: Option<PathBuf>,
     /// Options of the ROS node, such as its name and the address of its master.
     pub ros: NodeOptions,
@@ -267,7 +267,7 @@ impl Publication {
     }
 }
 
-/// The outlets that the user has chosen, started.
+/// The started outlets, which the user has chosen.
 #[derive(Default)]
 struct Parts {
     ros: Option<RosParts>,

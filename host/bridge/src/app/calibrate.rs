@@ -46,7 +46,7 @@ const SHOW_INTERVAL: Duration = Duration::from_secs(1);
 /// Rates of the packed code that the summary shows.
 const RATES: [usize; 7] = [0, 2, 3, 4, 5, 6, 8];
 
-/// A person's model in its folder; displays as the text for the user.
+/// A person's model in its folder. Its display form is the report for the user.
 #[derive(Debug)]
 pub(super) struct Calibrated {
     personal: PersonalModel,
@@ -153,7 +153,7 @@ async fn working<T: Send + 'static>(
     let done = tokio::select! {
         done = tokio::task::spawn_blocking(work) => match done {
             Ok(done) => done,
-            // The work is never cancelled, so it has panicked.
+            // A join error means that the work has panicked, because the work is never cancelled.
             Err(error) => std::panic::resume_unwind(error.into_panic()),
         },
         _ = shutdown.requested() => return Err(BridgeError::Interrupted),
@@ -283,7 +283,7 @@ async fn listen(
     ended.map(|()| signal)
 }
 
-/// Uploads the model to the device, which uses it until its next restart.
+/// Uploads the model to the device, which uses the model until the device restarts.
 async fn give(
     at: &PortOptions,
     artifact: &Artifact,
@@ -340,7 +340,8 @@ async fn run(
     }
 }
 
-/// Effects of the core that are used here: bytes for the device, and filtered steps.
+/// Handles the effects of the core that this subcommand needs: bytes for the device, and filtered
+/// steps.
 #[derive(Default)]
 struct Port {
     outgoing: Vec<u8>,
@@ -368,7 +369,7 @@ impl Effects for Port {
     }
 }
 
-/// Returns what the model's card states about the person.
+/// Returns the entries about the person for the model's training card.
 fn person(subject: &str, signal: &GoodSignal, labels: &[String]) -> Person {
     let values = signal.tracks.iter().flat_map(|track| &track.values);
     let energy: f64 = values.clone().map(|uv| f64::from(*uv).powi(2)).sum();
@@ -381,7 +382,7 @@ fn person(subject: &str, signal: &GoodSignal, labels: &[String]) -> Person {
     }
 }
 
-/// Returns the card of a linear code that was fitted to a person.
+/// Returns the training card of a linear code that was fitted to a person.
 fn network_card(
     signal: &GoodSignal,
     sources: &[String],

@@ -1,4 +1,5 @@
-//! Options of the classifier that decides from the device's features, and of its predictions.
+//! Options of the classifier, which decides from the device's features, and options of the
+//! published predictions.
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +14,8 @@ const HEADING: &str = "Decisions";
 /// The option that says for which classifier a device computes features.
 #[derive(Args, Clone, Debug)]
 pub struct ClassifierOptions {
-    /// File of `trainer classify`: the device computes the features of this classifier
+    /// Classifier file that `trainer classify` writes; the device computes the features of this
+    /// classifier
     #[arg(long, help_heading = HEADING, env = "CORTICODE_CLASSIFIER", value_name = "FILE")]
     pub(crate) classifier: Option<PathBuf>,
 }
@@ -31,8 +33,8 @@ pub struct PredictionOptions {
         requires = "classifier"
     )]
     pub(crate) prediction_topic: String,
-    /// Seconds over which the band powers are averaged before each decision, in place of those that
-    /// the classifier was trained with, for which alone its figures hold
+    /// Seconds over which the band powers are averaged before each decision, instead of the seconds
+    /// of the classifier's training; the classifier's figures hold only for the latter
     #[arg(long, help_heading = HEADING, env = "CORTICODE_PREDICTION_WINDOW", value_name = "SECONDS", requires = "classifier", value_parser = seconds)]
     pub(crate) prediction_window: Option<f64>,
 }

@@ -86,14 +86,15 @@ pub(crate) struct Options {
     /// larger error
     #[arg(long, help_heading = DECODING, env = "CORTICODE_LOW_LATENCY", switch())]
     pub(crate) low_latency: bool,
-    /// Time that the stamp of an event gives: for each rosneuro_recorder, that of its place in this
-    /// recorder's file of the announced stream; or that of the event itself
+    /// Time in the stamp of an event: either, for each rosneuro_recorder, the time that places the
+    /// event correctly in this recorder's file of the announced stream, or the time of the event
+    /// itself
     #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_EVENT_STAMPS", default_value = "recorder", value_parser = choice::<EventStamps>())]
     pub(crate) event_stamps: EventStamps,
     /// End with status 0 when a port that has sent frames closes, after everything is published:
-    /// for scripts that play a recording, such as with host-sim run --input FILE. What a ROS
-    /// subscriber has not taken 0.5 s later is lost. Without it, the bridge waits for the port to
-    /// return
+    /// for scripts that play a recording, such as with host-sim run --input FILE. Messages that a
+    /// ROS subscriber has not received after 0.5 s are lost. Without this option, the bridge waits
+    /// for the port to return
     #[arg(long, help_heading = DEVICE, env = "CORTICODE_EXIT_AT_END", switch())]
     pub(crate) exit_at_end: bool,
     #[command(flatten, next_help_heading = DEVICE)]
@@ -139,14 +140,14 @@ impl Options {
 /// Options that select a model fitted to the person who wears the cap.
 #[derive(Args, Clone, Debug)]
 pub struct PersonOptions {
-    /// Give the device the model of this folder, which also decodes, instead of the one it was
-    /// built with: a model fitted to the person who wears the cap. It goes to the device's RAM
-    /// before each run, if the device has another one. Of the boards, the NUCLEO-H743ZI2 has room
-    /// for it. Overrides --model
+    /// Upload the model in this folder, fitted to the person who wears the cap, to the device,
+    /// which uses it instead of its built-in model; the bridge decodes with it too. It goes to the
+    /// device's RAM before each run, if the device has another one. Of the boards, only the
+    /// NUCLEO-H743ZI2 has room for it. Overrides --model
     #[arg(long, help_heading = DECODING, env = "CORTICODE_UPLOAD_MODEL", value_name = "FOLDER")]
     upload_model: Option<PathBuf>,
-    /// The same with the newest model that `corticode-bridge calibrate` has fitted to this person.
-    /// Overrides --model, and --upload-model overrides it
+    /// Like --upload-model, with the newest model that `corticode-bridge calibrate` has fitted to
+    /// this person. Overrides --model; --upload-model overrides this option
     #[arg(long, help_heading = DECODING, env = "CORTICODE_SUBJECT", value_name = "NAME", value_parser = subject_name)]
     subject: Option<String>,
 }
@@ -210,7 +211,7 @@ pub(crate) struct ContactOptions {
     /// more
     #[arg(long, help_heading = DEVICE, env = "CORTICODE_IMPEDANCE", switch())]
     impedance: bool,
-    /// Resistance in series with each electrode on the board, ohms, which impedances leave out
+    /// Resistance on the board in series with each electrode, ohms, subtracted from the impedances
     #[arg(long, help_heading = DEVICE, env = "CORTICODE_SERIES_OHMS", value_name = "OHMS", default_value_t = 0)]
     series_ohms: u32,
 }
@@ -276,7 +277,8 @@ impl ResetOptions {
     }
 }
 
-/// Record everything that a device sends, byte for byte, with the time of every reading.
+/// Record everything that a device sends, byte for byte, with the times at which the bytes were
+/// read.
 ///
 /// Asks the device for its streams as the bridge does, waits for an absent device and reconnects
 /// when it returns. Needs no ROS and decodes nothing. Ends on Ctrl-C or SIGTERM; a file that was
@@ -304,16 +306,17 @@ pub(crate) struct RecordOptions {
 /// Asks the device whether it takes a packed model, listens to its filtered signal, and shows the
 /// quality of each electrode meanwhile. Seconds in which steps are missing or more than a quarter
 /// of the electrodes is bad do not count; fewer bad electrodes are interpolated. Then fits a model,
-/// which takes some seconds, compares it with the built-in one on signal that it was not fitted to,
-/// writes it to a folder, and gives it to the device until its next restart. The bridge uses it
-/// with --subject NAME. With --recording, no device is needed. Ctrl-C before the model is written
-/// leaves device and folder as they were.
+/// which takes some seconds, and compares the model with the built-in one on a part of the signal
+/// that was not used for the fit. Writes the model to a folder, and uploads it to the device, which
+/// uses it until the device restarts. The bridge uses the model with --subject NAME. With
+/// --recording, no device is needed. Ctrl-C before the model is written leaves device and folder as
+/// they were.
 ///
 /// Exit status: 0 done, 1 interrupted, 2 wrong usage, too little good signal or an existing folder,
-/// 4 the device takes no packed model, or refuses this one, which is kept.
+/// 4 the device takes no packed model, or refuses this model, whose folder remains.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct CalibrateOptions {
-    /// Name of the person, under which the model is kept
+    /// Name of the person, under which the model is stored
     #[arg(long, env = "CORTICODE_SUBJECT", value_name = "NAME", value_parser = subject_name)]
     pub(crate) subject: String,
     /// Recordings to fit the model to, in place of the device's signal: EDF, BDF or GDF
@@ -322,20 +325,21 @@ pub(crate) struct CalibrateOptions {
     /// Seconds of good signal to fit the model to; of recordings, the first ones
     #[arg(long, default_value_t = 120, value_parser = clap::value_parser!(u32).range(20..=3600))]
     pub(crate) seconds: u32,
-    /// Fit the numbers of /encoded too: a linear code of the person, in the place of the network
+    /// Fit the values of /encoded too: a linear code of the person, which replaces the network's
+    /// code
     #[arg(long)]
     pub(crate) numbers: bool,
-    /// What the signals of packed blocks are for: `motor`, so that errors at 8 to 30 Hz that a
-    /// decoder sees through spatial filters weigh more, or another band such as 8..13 [default: to
-    /// be looked at]
+    /// Use of the signals decoded from packed blocks: `motor` gives more weight to errors at 8 to
+    /// 30 Hz that a decoder sees through spatial filters, and a band such as 8..13 to such errors
+    /// in that band [default: viewing, without weights]
     #[arg(long = "for", value_name = "USE", value_parser = packed_fit::weight_for)]
     pub(crate) weight: Option<ErrorWeight>,
     /// Folder to write the model to, which must not exist [default:
     /// ~/.local/share/corticode/models/SUBJECT/DATE]
     #[arg(long, value_name = "FOLDER")]
     pub(crate) output: Option<PathBuf>,
-    /// Folder of the device's model, if it is not the one that is built in here: the new model has
-    /// its montage, filters and network
+    /// Folder of the device's model, if the device has another model than this program's built-in
+    /// one; the new model gets the montage, filters and network of the device's model
     #[arg(long, env = "CORTICODE_MODEL", value_name = "FOLDER")]
     pub(crate) model: Option<PathBuf>,
     /// Mains frequency that the filters shall remove, Hz; the device chooses by default
@@ -419,7 +423,7 @@ pub(crate) struct PortsOptions {
     /// Print JSON instead of a table
     #[arg(long)]
     pub(crate) json: bool,
-    /// Print the udev rule for boards on USB instead
+    /// Print the udev rule for boards on USB, and make no checks
     #[arg(long, conflicts_with = "json")]
     pub(crate) udev_rule: bool,
 }
@@ -427,9 +431,9 @@ pub(crate) struct PortsOptions {
 /// Check what the bridge needs: port, device, model, ROS, LSL, clock, disk, real-time priority.
 ///
 /// Prints one line for each check, with ok, warning, error or unknown, and a second line with the
-/// command that helps. Asks the device to identify itself, and leaves its streams as they are. With
-/// --sink without ros, ROS is not checked, and LSL is with --sink lsl. host-sim on TCP serves one
-/// host at a time: the check interrupts a bridge that is connected to it.
+/// command that helps. Asks the device to identify itself, and leaves its streams as they are.
+/// Checks ROS and LSL only if --sink includes them. host-sim on TCP serves one host at a time: the
+/// check interrupts a bridge that is connected to it.
 ///
 /// Exit status: 0 no errors, 1 an error.
 #[derive(Args, Clone, Debug)]
@@ -454,7 +458,7 @@ pub(crate) struct DoctorOptions {
     pub(crate) json: bool,
 }
 
-/// Options that say where frames go and what topics are called; for the bridge and `doctor`.
+/// Options of the bridge and of `doctor` that set where frames go and how topics are named.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct RosOptions {
     /// ROS master [env: ROS_MASTER_URI] [default: http://localhost:11311/]
@@ -483,14 +487,14 @@ pub(crate) struct RosOptions {
     pub(crate) topic_prefix: String,
 }
 
-/// Options for what to ask the device to send; for the bridge, `record` and `doctor`.
+/// Options of the bridge, `record` and `doctor` that set what the device is asked to send.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct StreamOptions {
     /// Mains frequency that the device shall remove, Hz; the device chooses by default
     #[arg(long, help_heading = DEVICE, env = "CORTICODE_MAINS", value_parser = mains)]
     pub(crate) mains: Option<u8>,
     /// Streams of the device, comma-separated; codes are included unless packed or features is
-    /// named. A device that refuses some is asked for fewer
+    /// named. If the device refuses some streams, it is asked for fewer
     #[arg(
         long,
         help_heading = DEVICE,
@@ -500,7 +504,7 @@ pub(crate) struct StreamOptions {
         default_value = "codes,audit,events"
     )]
     pub(crate) streams: Vec<StreamKind>,
-    /// Rate of the packed code, 0 to 15: each next one is 3 dB coarser; by default the model's
+    /// Rate of the packed code, 0 to 15; each higher rate is 3 dB coarser; by default the model's
     #[arg(long, help_heading = DEVICE, env = "CORTICODE_PACKED_RATE", value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_RATE)))]
     pub(crate) packed_rate: Option<u8>,
     /// Form in which the device sends the samples of the stream raw; all forms yield the same
@@ -545,7 +549,7 @@ fn mains(text: &str) -> Result<u8, String> {
     }
 }
 
-/// Options with address and speed of the port; for the bridge and its subcommands.
+/// Options of the bridge and its subcommands that set address and speed of the port.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct PortOptions {
     /// Serial port, pseudoterminal, tcp:HOST:PORT, or auto: the only board on USB, or the one with
@@ -580,7 +584,7 @@ pub(crate) enum SinkKind {
     Ros2,
     /// Lines of JSON on stdout.
     Ndjson,
-    /// A live page for a browser, whose address is printed.
+    /// A live page for a browser; the page's address is printed.
     View,
     /// Streams of the Lab Streaming Layer.
     Lsl,
@@ -612,10 +616,10 @@ pub(crate) struct LslOptions {
     pub(crate) lsl_name: String,
 }
 
-/// Options of the outlet ROS 2; for the bridge and `doctor`.
+/// Options of the ROS 2 outlet, which the bridge and `doctor` have in common.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct Ros2Options {
-    /// Domain of the ROS 2 node; nodes of other domains do not meet it
+    /// Domain of the ROS 2 node, which finds only nodes of the same domain
     #[arg(
         long,
         help_heading = OUTPUTS,
@@ -637,7 +641,7 @@ pub(crate) struct Ros2Options {
     pub(crate) ros2_qos: Ros2Qos,
 }
 
-/// Delivery of frames in ROS 2.
+/// Quality of service with which frames are sent in ROS 2.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum Ros2Qos {
     Reliable,
@@ -660,7 +664,7 @@ pub struct ViewOptions {
     /// is printed after each start
     #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_VIEW_TOKEN", hide_env_values = true)]
     pub(crate) view_token: Option<Token>,
-    /// Folder for recordings of the wire that the live page starts; each is named after the time
+    /// Folder for the recordings that the live page starts; each is named after its start time
     #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_RECORD_DIR", value_name = "FOLDER", default_value = ".")]
     pub record_dir: PathBuf,
     /// Open the live page in the desktop's browser

@@ -16,12 +16,12 @@ use crate::error::BridgeError;
 
 /// Write a recording as files of codes and samples, one for each stream in it.
 ///
-/// FILE.codes.gdf has the codes and FILE.reconstructed.gdf the EEG decoded from them; FILE.raw.gdf
-/// and FILE.filtered.gdf exist if these streams were recorded, FILE.predictions.gdf if features
-/// were and --classifier names their classifier. The number of a row gives its time, because rows
-/// that were lost, or are missing between two runs of the device, are written as fillers with a
-/// flag. Each event is in the first row that is not earlier than it. A file appears under its name
-/// when it is complete; an existing one is replaced only with --force.
+/// FILE.codes.gdf has the codes and FILE.reconstructed.gdf the EEG decoded from them. FILE.raw.gdf
+/// and FILE.filtered.gdf exist if these streams were recorded, and FILE.predictions.gdf exists if
+/// features were recorded and --classifier names their classifier. The number of a row gives its
+/// time, because rows that were lost, or are missing between two runs of the device, are written as
+/// fillers with a flag. Each event is in the first row whose time is not before the event. A file
+/// appears under its name when it is complete; an existing file is replaced only with --force.
 ///
 /// Exit status: 0 done, 1 a file cannot be written, 2 wrong usage, no usable recording or an
 /// existing file.
@@ -35,8 +35,8 @@ pub(crate) struct ConvertOptions {
     /// Folder of the model to decode with, instead of the built-in one
     #[arg(long, env = "CORTICODE_MODEL", value_name = "FOLDER")]
     model: Option<PathBuf>,
-    /// File of `trainer classify`: decide from the features in the recording, which were recorded
-    /// with the same file, and write the predictions
+    /// Classifier file that `trainer classify` wrote and with which the recording was made: apply
+    /// the classifier to the recorded features, and write its predictions
     #[arg(long, env = "CORTICODE_CLASSIFIER", value_name = "FILE")]
     classifier: Option<PathBuf>,
     /// Replace files that exist

@@ -134,7 +134,7 @@ fn usb_port(path: &Path, root: &SystemRoot) -> UsbPort {
     }
 }
 
-/// Opens the port and asks the device to identify itself, which does not change its streams.
+/// Opens the port and asks the device to identify itself. The device's streams do not change.
 async fn ask(address: &PortAddress, baud: u32) -> DeviceAnswer {
     let mut port = match Port::open(address, baud).await {
         Ok(port) => port,

@@ -14,7 +14,7 @@ const SILENCE: Duration = Duration::from_secs(5);
 /// Time limit for the device to stop when the program ends.
 pub(crate) const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// Effects of a core whose bytes for the device are written to a port.
+/// Effects of a core that sends bytes to a device through a port.
 pub(crate) trait PortEffects: Effects {
     /// Returns the bytes for the device that the port has not accepted yet.
     fn outgoing(&mut self) -> &mut Vec<u8>;
@@ -123,7 +123,8 @@ impl<F: Feed> Driver<F> {
         effects.outgoing().clear();
     }
 
-    /// Stops the device. [`Self::has_ended`] returns true once it has stopped, or after a timeout.
+    /// Stops the device. [`Self::has_ended`] returns true after the device has stopped or the time
+    /// limit has expired.
     pub(crate) fn end(&mut self, effects: &mut impl PortEffects) {
         self.core.set_streaming(false);
         self.core.tick(HostTime::now(), effects);

@@ -5,8 +5,9 @@ use neuro_ros::{NeuroEvent, Sink, Stamp};
 /// `frame_id` of an event whose stamp is a device time.
 const DEVICE: &str = "device";
 
-/// Publishes events to the live page with device times as stamps, which the page's samples have
-/// too. Events on the ROS topic have times of day, moved to where a recorder places the event.
+/// Publishes events to the live page with device times as stamps, because the page's samples have
+/// device times too. Events on the ROS topic have times of day as stamps, shifted so that a
+/// recorder places the events correctly.
 pub(crate) struct EventTimes<S> {
     sink: S,
     event: NeuroEvent,

@@ -19,16 +19,17 @@ use crate::wire::connection::Connection;
 /// Show the impedance of every electrode in kilohms, measured once a second.
 ///
 /// For use before a session: stops the streams of the device and lets a current of 6 nA flow
-/// through every electrode. The table is green below 5 kOhm, yellow below 20 and red above, and
-/// `open` for an electrode that is disconnected. Ctrl-C ends it, and the last table stays. While
-/// codes stream, at 500 Hz or more, the bridge measures with --impedance.
+/// through every electrode. The table shows values below 5 kOhm in green, below 20 in yellow and
+/// others in red, and `open` for an electrode that is disconnected. Ctrl-C ends the program; the
+/// last table stays on the screen. To measure while codes stream, at 500 Hz or more, use the
+/// bridge's option --impedance.
 ///
 /// Exit status: 0 done, 2 an existing picture, 4 the device cannot measure.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct ImpedanceOptions {
     #[command(flatten)]
     pub(crate) at: PortOptions,
-    /// Resistance in series with each electrode on the board, ohms, which is subtracted
+    /// Resistance on the board in series with each electrode, ohms, which is subtracted
     #[arg(long, env = "CORTICODE_SERIES_OHMS", value_name = "OHMS", default_value_t = 0)]
     series_ohms: u32,
     /// End after this many measurements
@@ -45,11 +46,12 @@ pub(crate) struct ImpedanceOptions {
     force: bool,
 }
 
-/// Shows impedances until the user or `--measurements` ends it.
+/// Shows impedances until the user interrupts or the number of `--measurements` is reached.
 ///
 /// # Errors
 ///
-/// [`BridgeError`] if the port or an output cannot be used, or the device does not measure.
+/// [`BridgeError`] if the port or an output cannot be used, or the device cannot measure
+/// impedances.
 pub(super) async fn show(options: ImpedanceOptions) -> Result<(), BridgeError> {
     let mut shutdown = Shutdown::new()?;
     let existing = Existing::from_force(options.force);
@@ -94,7 +96,8 @@ pub(super) async fn show(options: ImpedanceOptions) -> Result<(), BridgeError> {
     Ok(())
 }
 
-/// Effects of the core that are used here: bytes for the device, and measurements for the user.
+/// Handles the effects of the core that this subcommand needs: bytes for the device, and
+/// measurements for the user.
 struct View {
     outgoing: Vec<u8>,
     json: bool,
@@ -143,7 +146,7 @@ fn print_line(report: &ImpedanceReport) -> Result<(), BridgeError> {
     Ok(new_file::print(format_args!("{line}\n"))?)
 }
 
-/// Returns the table, in colours if stdout is a terminal.
+/// Returns the table of impedances, in colours if stdout is a terminal.
 fn painted(report: &ImpedanceReport) -> String {
     if !std::io::stdout().is_terminal() {
         return report.to_string();
@@ -158,7 +161,8 @@ fn painted(report: &ImpedanceReport) -> String {
     })
 }
 
-/// Largest impedance in the picture, in kilohms. Larger ones and open electrodes are drawn with it.
+/// Largest impedance that the picture distinguishes, in kilohms. Larger impedances and open
+/// electrodes have the colour of this value.
 const PICTURE_KOHM: f64 = 50.0;
 
 /// Draws the electrodes whose labels have a position in the 10-20 system.

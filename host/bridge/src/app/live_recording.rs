@@ -1,4 +1,5 @@
-//! A recording of the wire that the user starts and ends while the bridge runs.
+//! A recording of the bytes between bridge and device, which the user starts and ends while the
+//! bridge runs.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -100,7 +101,8 @@ impl Ended {
 }
 
 impl LiveRecording {
-    /// Creates a value without a recording. Recordings will be files in `folder`.
+    /// Creates the value without a recording in progress. Later recordings become files in
+    /// `folder`.
     pub(crate) fn new(folder: PathBuf, settings: Settings) -> LiveRecording {
         LiveRecording {
             folder,
@@ -114,7 +116,8 @@ impl LiveRecording {
         }
     }
 
-    /// Handles an event of the port: records it, and tracks what begins the next recording.
+    /// Handles an event of the port: records it, and updates the handshake and the partial frame
+    /// with which the next recording begins.
     pub(crate) fn note(&mut self, event: Event, bytes: &[u8], at: HostTime) {
         match event {
             Event::Opened => {
@@ -140,7 +143,8 @@ impl LiveRecording {
         }
     }
 
-    /// Adds a command for the device to the recording in progress, and tracks it for the next one.
+    /// Adds a command for the device to the recording in progress, and updates the handshake with
+    /// which the next recording begins.
     pub(crate) fn sent(&mut self, frame: &[u8]) {
         self.handshake.sent(frame);
         if let Some(active) = &mut self.active {
@@ -148,7 +152,7 @@ impl LiveRecording {
         }
     }
 
-    /// Tracks a frame from the device for the beginning of the next recording.
+    /// Passes a frame from the device to the handshake with which the next recording begins.
     pub(crate) fn received(&mut self, frame: &Frame<ToHost>) {
         self.handshake.received(frame);
     }
@@ -328,7 +332,8 @@ impl Active {
 }
 
 impl Room {
-    /// Measures in another thread, unless the last measurement still waits for the disk.
+    /// Measures the free space of the disk in another thread, unless the previous measurement has
+    /// not ended.
     fn measure(self: &Arc<Room>, folder: &Path) {
         if self.is_busy.swap(true, Ordering::Relaxed) {
             return;

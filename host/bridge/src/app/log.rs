@@ -50,17 +50,18 @@ pub fn start(ros: &NodeOptions, level: &str) -> Result<Receiver<Log>, BridgeErro
     Ok(lines)
 }
 
-/// Logs each silence of a port once, even if the port is reopened several times meanwhile.
+/// Logs each silence of a port (time without frames) once, even if the port is reopened several
+/// times meanwhile.
 #[derive(Debug, Default)]
 pub(crate) struct SilenceLog {
-    /// Number of frames received before the last silence that was logged. While the number stays
-    /// the same, the silence is the same.
+    /// Number of frames received before the last silence that was logged. As long as no further
+    /// frame arrives, it is the same silence.
     frames: Option<u32>,
 }
 
 impl SilenceLog {
-    /// Logs that `port` is silent, unless this is logged already. `wire` counts what the port has
-    /// sent.
+    /// Logs that no frame arrives from `port`, unless this silence is logged already. `wire` holds
+    /// the counts of bytes and frames received from the port.
     pub(crate) fn log(&mut self, port: &str, wire: &Counters) {
         if self.frames.replace(wire.frames) == Some(wire.frames) {
             return;

@@ -14,7 +14,7 @@ use crate::app::command_line::SinkKind;
 pub(crate) struct Outlet {
     kind: SinkKind,
     dropped: AtomicU64,
-    /// Whether nothing more can be published here, for example because the reader has gone.
+    /// Whether this outlet can publish nothing more, for example because the reader has gone.
     closed: AtomicBool,
 }
 

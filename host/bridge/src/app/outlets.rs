@@ -38,11 +38,11 @@ pub(crate) struct Outlets {
     announcements: Option<Sender<Option<AcquisitionInfo>>>,
     /// Newest value sent to `announcements`. The same value is not sent again.
     announced: Option<AcquisitionInfo>,
-    /// Sum of all dropped and undecoded frames in the previous report to `/diagnostics`.
+    /// Number of dropped messages and undecoded windows in the previous report to `/diagnostics`.
     reported: u64,
     /// Number of malformed packed blocks in the previous report to `/diagnostics`.
     reported_malformed: u64,
-    /// Recording of the wire that the user starts and ends on the live page.
+    /// Recording of the port's bytes that the user starts and ends on the live page.
     pub(crate) recording: LiveRecording,
     /// Bytes for the device that have not been written to the port yet.
     outgoing: Vec<u8>,
@@ -159,7 +159,8 @@ impl Outlets {
             ("predictions dropped", sinks.predictions.as_ref().map(Sink::dropped)),
             ("events dropped", sinks.events.as_ref().map(Events::dropped)),
         ];
-        // Sum the outlets' drops alone: the sinks' drops listed above are the same ones.
+        // Sum the drops of the outlets alone: the drops of the sinks, listed above, are the same
+        // messages.
         let of_outlets: u64 = outlets.iter().map(|outlet| outlet.dropped).sum();
         let now = decoder.not_decoded + of_outlets;
         let lost = now > std::mem::replace(&mut self.reported, now);

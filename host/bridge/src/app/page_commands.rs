@@ -11,7 +11,8 @@ use view::{Command, Decision, Reply};
 
 use crate::app::outlets::Outlets;
 
-/// Time limit for the device to answer a command, which is sent again every 0.5 s.
+/// Time limit for the device to answer a command. Until the answer, the command is sent again every
+/// 0.5 s.
 const TIMEOUT: Duration = Duration::from_secs(5);
 
 /// A command, the host time at which it arrived, and the handle for replying to the page.

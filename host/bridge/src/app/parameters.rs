@@ -86,7 +86,8 @@ pub(crate) fn to_flag(name: &str, value: &str) -> String {
     format!("--{}={value}", name.replace('_', "-"))
 }
 
-/// Returns the value in command-line form, a list with commas; `None` if no option has its type.
+/// Returns the value as text for the command line, a list as values separated by commas; `None` if
+/// no option takes values of this type.
 fn to_text(value: &Value) -> Option<String> {
     Some(match value {
         Value::String(text) => text.clone(),

@@ -26,7 +26,8 @@ impl Recorders {
         lock(&self.0).insert(caller.to_owned(), None);
     }
 
-    /// Starts the recordings of nodes that have called `get_info`: `frame` is their first one.
+    /// Starts a recording with `frame` as its first frame for each node that has called `get_info`
+    /// since the previous frame.
     pub(crate) fn note_frame(&self, frame: &NeuroFrame) {
         for (caller, start) in &mut *lock(&self.0) {
             if start.is_none() {

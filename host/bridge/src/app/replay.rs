@@ -41,9 +41,9 @@ const TICK: Duration = Duration::from_millis(100);
 /// Play a recording as the device that was recorded, at a pseudoterminal or a TCP port, or on a
 /// live page with --live.
 ///
-/// The bridge connects to it with --port as to a board: Identify is answered with the recorded
-/// device's introduction, and each Start plays the recording from its beginning. Self-test, reset
-/// and clock queries are answered with NotSupported. Ends after the last frame.
+/// The bridge connects to this port with --port as to a board: Identify is answered with the
+/// recorded device's introduction, and each Start plays the recording from its beginning.
+/// Self-test, reset and clock queries are answered with NotSupported. Ends after the last frame.
 ///
 /// Exit status: 0 done, 2 wrong usage, no usable recording or port.
 #[derive(Args, Clone, Debug)]
@@ -58,7 +58,7 @@ pub(crate) struct ReplayOptions {
         required_unless_present = "live"
     )]
     pub(crate) output: Option<PortAddress>,
-    /// Show the recording on a live page for a browser instead, whose address is printed; runs
+    /// Show the recording on a live page in a browser instead; prints the page's address and runs
     /// until Ctrl-C
     #[arg(long, conflicts_with_all = ["output", "fast"])]
     pub(crate) live: bool,
@@ -297,7 +297,7 @@ fn open_terminal(link: &Path) -> io::Result<ReplayPort> {
     let controller = File::from(controller);
     let receiver = Receiver::from_file_unchecked(controller.try_clone()?)?;
     let port = Port::Tty(receiver, Sender::from_file_unchecked(controller)?);
-    // Remove only a link to a pseudoterminal, which an earlier run has left behind.
+    // Remove the link only if it leads to a pseudoterminal: then an earlier run has left it behind.
     if std::fs::read_link(link).is_ok_and(|target| target.starts_with("/dev/pts")) {
         std::fs::remove_file(link)?;
     }

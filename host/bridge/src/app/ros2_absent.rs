@@ -20,7 +20,7 @@ use crate::error::BridgeError;
 )]
 pub struct Ros2Error;
 
-/// Returns whether the error is wrong usage, not a network failure: here, it always is.
+/// Returns whether the error is wrong usage, not a network failure; in this build always true.
 pub(crate) const fn is_usage(Ros2Error: &Ros2Error) -> bool {
     true
 }
@@ -30,7 +30,7 @@ pub(crate) trait Ros2Message {}
 
 impl<M> Ros2Message for M {}
 
-/// The bridge's ROS 2 node, which cannot exist.
+/// The bridge's ROS 2 node, which cannot exist in this build.
 pub(crate) enum Ros2Outlet {}
 
 impl Ros2Outlet {

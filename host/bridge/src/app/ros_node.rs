@@ -15,10 +15,9 @@ use crate::app::ros_status::RosStatus;
 
 /// Topic on which an experiment sets the rate of the packed code.
 const RATE_TOPIC: &str = "~packed_rate";
-/// Number of received rates that can wait to be handled; another one replaces the oldest.
+/// Number of received rates that can wait to be handled; a further rate replaces the oldest.
 const QUEUE_RATES: usize = 4;
 
-/// The bridge's ROS node and its status.
 #[derive(Debug)]
 pub(crate) struct RosNode {
     pub(crate) node: Arc<Node>,

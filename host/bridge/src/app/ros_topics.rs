@@ -51,8 +51,8 @@ impl RosTopics {
     }
 
     /// Adds a topic of frames with a queue of `queue` messages for each subscriber. If it is the
-    /// announced topic, `recorders` is told each published frame. [`RosTopics::check`] advertises
-    /// the topic later.
+    /// announced topic, each published frame is reported to `recorders`. [`RosTopics::check`]
+    /// advertises the topic later.
     pub(crate) fn frames(
         &self,
         name: &str,

@@ -15,7 +15,8 @@ use tracing_subscriber::layer::Context;
 /// Number of log lines that can wait to be published, and that can wait for each subscriber. Lines
 /// that do not fit are only on stderr.
 const QUEUE_LINES: usize = 1024;
-/// Longest time for which the first lines wait for a subscriber, which takes several ms to connect.
+/// Longest time for which the first log lines wait for a subscriber, which takes several ms to
+/// connect.
 const FIRST_SUBSCRIBER_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// A layer of the log that passes lines of level info and above to the task of [`publish`].
@@ -80,7 +81,7 @@ impl Visit for Text {
     }
 }
 
-/// Passes each line to both returned receivers, in a task of its own. A receiver whose queue is
+/// Passes each log line to both returned receivers, in a task of its own. A receiver whose queue is
 /// full misses the line.
 pub(crate) fn split(mut lines: Receiver<Log>) -> [Receiver<Log>; 2] {
     let (senders, receivers): (Vec<_>, Vec<_>) = (0..2).map(|_| channel(QUEUE_LINES)).unzip();

@@ -7,8 +7,9 @@ use neuro_ros::ros1::Node;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
 
-/// A Unix signal this long after the first one ends the process at once, because the user will not
-/// wait. Earlier ones do not: a closing terminal sends several signals in a short time.
+/// A Unix signal that arrives at least this long after the first signal ends the process at once,
+/// because the user will not wait. Earlier signals do not: a closing terminal sends several signals
+/// in a short time.
 const FORCE_EXIT_AFTER: Duration = Duration::from_millis(500);
 
 /// Collects requests to shut down from Unix signals, the ROS master and the service `~quit`.

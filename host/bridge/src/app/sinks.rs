@@ -60,9 +60,11 @@ pub(crate) struct Sinks {
     pub(super) view: Option<Arc<View>>,
     /// The streams of the Lab Streaming Layer; `None` without this outlet.
     pub(super) lsl: Option<Lsl>,
-    /// What stamps mean, for these streams.
+    /// Offsets that convert stamps to the clock of the Lab Streaming Layer; `None` without the
+    /// outlet of this layer.
     pub(super) scale: Option<Arc<StampScale>>,
-    /// Number of steps from a reconstructed frame's first step to the last step of its window.
+    /// Number of steps from the first step of a reconstructed frame to the last step of the window
+    /// that completes the frame.
     pub(super) lookback: Arc<AtomicU32>,
     pub(super) namespace: Namespace,
 }
@@ -216,7 +218,7 @@ impl Destinations<'_> {
     }
 }
 
-/// Returns the stream of the Lab Streaming Layer with these frames.
+/// Returns the kind of the Lab Streaming Layer stream that carries the frames of `stream`.
 const fn lsl_kind(stream: AnnouncedStream) -> StreamKind {
     match stream {
         AnnouncedStream::Encoded => StreamKind::Codes,

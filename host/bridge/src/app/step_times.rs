@@ -13,7 +13,8 @@ const TIME_WORDS: std::ops::Range<usize> = 3..6;
 /// the frame.
 pub(crate) struct StepTimes<S> {
     sink: S,
-    /// Number of steps from a frame's first step to the last step of its window.
+    /// Number of steps from the first step of a frame to the last step of the window that completes
+    /// the frame.
     lookback: Arc<AtomicU32>,
     frame: NeuroFrame,
 }
@@ -30,7 +31,7 @@ impl<S: Sink<NeuroFrame>> Sink<NeuroFrame> for StepTimes<S> {
             return Ok(());
         }
         self.frame.clone_from(frame);
-        // A packed block ends with the last step of its frame.
+        // The device time of a packed block is that of the last step of the block's frame.
         let lookback = if frame.header.frame_id == NeuroFrame::NETWORK {
             self.lookback.load(Ordering::Relaxed)
         } else {
@@ -103,7 +104,7 @@ mod tests {
 
     #[test]
     fn a_step_has_its_own_device_time() {
-        // Window of 16 steps: its first hop ends 8 steps before its last step.
+        // In a window of 16 steps, the first hop ends 8 steps before the window's last step.
         let first = times(NeuroFrame::NETWORK, 15, 5_000_000_000);
         assert_eq!((first[0], first[1]), (4_999_882_813, 4_999_890_625));
         assert_eq!(first[7], 4_999_937_500);

@@ -21,11 +21,13 @@ use crate::update::{Machine, UpdateError, update};
 /// Write new firmware to a board over USB, through the boot loader in its microcontroller's ROM.
 ///
 /// Checks file and board before anything is erased, and compares the flash with the file before the
-/// board starts it. An update that was interrupted leaves no firmware: the same command goes on
-/// with a board that is in its boot loader, as after a reset with BOOT0 high, if no device answers.
+/// board starts it. After an interrupted update, the board has no firmware; repeat the command
+/// while the board is in its boot loader, as after a reset with BOOT0 high. The command uses a boot
+/// loader only if no device answers.
 ///
-/// Exit status: 0 the device runs the image, 1 the flash or the version after it is wrong, 2 the
-/// file is damaged or for another board, 3 no answer, 4 the device or its boot loader refuses.
+/// Exit status: 0 the device runs the image, 1 the flash differs from the file or the wrong version
+/// runs, 2 the file is damaged or for another board, 3 no answer, 4 the device or its boot loader
+/// refuses.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct UpdateOptions {
     /// Image, which `cargo fw` writes: corticode-h743.dfu or corticode-f446.dfu

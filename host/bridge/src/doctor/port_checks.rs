@@ -74,7 +74,7 @@ impl UdevRule {
     }
 }
 
-/// Returns the findings about a port: existence, permission, other programs, rule, ModemManager.
+/// Checks a port: existence, permission, other programs, udev rule and ModemManager.
 pub(crate) fn check_port(facts: &PortFacts) -> Vec<Check> {
     let (path, access, usb) = match &facts.place {
         PortPlace::Network(address) => return vec![Check::ok("port", address.as_str())],

@@ -22,7 +22,7 @@ pub(crate) struct Ros2Facts {
     pub(crate) unread: Vec<&'static str>,
 }
 
-/// Variables for peers, profiles or security, which the bridge's node does not read.
+/// Environment variables for peers, profiles or security, which the bridge's node does not read.
 pub(crate) const UNREAD: [&str; 6] = [
     "ROS_STATIC_PEERS",
     "ROS_DISCOVERY_SERVER",

@@ -27,7 +27,7 @@ pub(crate) enum PortAccess {
 pub(crate) enum Membership {
     /// No group may open the port, only root.
     RootOnly,
-    /// This user is not a member of the group.
+    /// This user is not a member of the group that may open the port.
     Outsider { group: String },
     /// This user joined the group after logging in, which has no effect until the next login.
     FromNextLogin { group: String },
@@ -289,7 +289,8 @@ mod tests {
         fs::write(root.path("proc/41/cmdline"), "/usr/bin/minicom-2\0-D\0").unwrap();
         assert_eq!(holders(), "minicom-2 (pid 41)");
         fs::write(root.path("proc/41/cmdline"), "python3\0x.py\0").unwrap();
-        // Take the kernel's own line about a lock of this file, but with process 42 as the holder.
+        // Use the line that /proc/locks has for a lock of this file, but with process 42 as the
+        // holder.
         let file = fs::File::open(&port).unwrap();
         rustix::fs::flock(&file, rustix::fs::FlockOperation::LockExclusive).unwrap();
         let locked = SystemRoot::machine().text("proc/locks").unwrap_or_default();

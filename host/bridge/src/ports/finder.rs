@@ -183,7 +183,7 @@ mod tests {
         machine.write("run/udev/data/c166:0", "E:ID_PROCESSING=1\n");
         assert_eq!(finder.find(), settling("dev/ttyACM0"));
         machine.write("run/udev/data/c166:0", "");
-        // The first board is not chosen either while udev works on the port of a second one.
+        // While udev still sets up the port of a second board, not even the first board is chosen.
         machine.plug(3, "ttyACM1", OTHER, None);
         assert_eq!(finder.find(), settling("dev/ttyACM1"));
         machine.unplug(3, "ttyACM1");

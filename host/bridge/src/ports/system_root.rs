@@ -30,7 +30,8 @@ impl SystemRoot {
         text(&self.path(relative))
     }
 
-    /// Returns the serial ports that have a device, sorted by name. There are none without sysfs.
+    /// Returns the serial ports with hardware behind them, sorted by name. The list is empty on a
+    /// system without sysfs.
     pub(crate) fn serial_ports(&self) -> Vec<SerialPort> {
         let terminals = entries(&self.path("sys/class/tty"));
         let mut ports: Vec<SerialPort> =
@@ -132,7 +133,7 @@ const ST_VENDOR: &str = "0483:";
 /// (`packaging/60-corticode.rules`).
 pub(crate) const OWN_NAME: &str = "corticode-";
 
-/// A serial port that has a device.
+/// A serial port with hardware behind it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub(crate) struct SerialPort {
     /// Path of the port, such as `/dev/ttyACM0`.

@@ -5,7 +5,7 @@ use std::ops::Range;
 /// Largest number of sectors in a layout; the chips of the boards have 16 at most.
 const MAX_SECTORS: usize = 4096;
 
-/// Address ranges of the sectors, ascending and without gaps; there is at least one.
+/// Address ranges of the sectors, at least one, in ascending order and without gaps.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct FlashLayout {
     pub(crate) sectors: Vec<Range<u32>>,

@@ -1,4 +1,5 @@
-//! A board whose chip has a DfuSe loader, in virtual time, as AN3156 and DFU 1.1 describe it.
+//! A simulated board with a DfuSe loader as AN3156 and DFU 1.1 describe it. The board's time is
+//! virtual.
 
 use std::cell::RefCell;
 use std::io;
@@ -16,7 +17,7 @@ use crate::update::programmer::{
     GET_STATUS, IDLE, Loader, SET_ADDRESS, UPLOAD,
 };
 
-/// States of the loader that the programmer need not know.
+/// States of the loader that the module `programmer` does not need.
 const DOWNLOAD_SYNC: u8 = 3;
 const MANIFEST: u8 = 7;
 const UPLOAD_IDLE: u8 = 9;
@@ -24,7 +25,7 @@ const UPLOAD_IDLE: u8 = 9;
 /// What runs on the chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Runs {
-    /// What the flash holds: an image, or nothing.
+    /// The program in the flash, if the flash holds an image.
     Flash,
     Loader,
 }
@@ -111,7 +112,8 @@ impl Chip {
         Ok(self.flash[offset..offset + length].to_vec())
     }
 
-    /// Answers `GET_STATUS`, which also starts a download's command.
+    /// Answers `GET_STATUS`. After a download, this request also carries out the downloaded command
+    /// or block.
     fn report(&mut self) -> io::Result<Vec<u8>> {
         let mut wait_ms = 0;
         match self.state {
@@ -144,7 +146,7 @@ impl Chip {
         Ok([&[status][..], &wait, &[self.state, 0]].concat())
     }
 
-    /// Carries out a command or writes a block; the error is the status.
+    /// Carries out a command or writes a block. The error is the status that the loader reports.
     fn execute(&mut self, block: u16, data: &[u8]) -> Result<(), u8> {
         const WRONG_ADDRESS: u8 = 0x08;
         if block >= 2 {

@@ -41,7 +41,7 @@ fn run(board: &mut SimulatedBoard, image: &Image) -> Result<String, BridgeError>
     Ok(device.firmware)
 }
 
-/// Returns the error of an update to version 2, with its exit status.
+/// Returns the error of an update with `image`, which must fail with exit status `status`.
 fn failure(board: &mut SimulatedBoard, image: &Image, status: u8) -> UpdateError {
     match run(board, image) {
         Err(BridgeError::Update(error)) => {
@@ -92,7 +92,8 @@ fn an_update_that_loses_power_anywhere_starts_nothing_half_and_is_repeated() {
     let mut breaks = 0;
     for requests in (0..).step_by(7) {
         let (mut board, new) = board(F446, 20_011);
-        // The update resets the board into its loader; `Chip` counts requests from this reset.
+        // Start the loader here, before `requests_left` is set, because the update's own reset
+        // would overwrite that number.
         board.reset_into_loader();
         board.chip.borrow_mut().requests_left = requests;
         match run(&mut board, &new) {
@@ -121,7 +122,8 @@ fn an_update_goes_on_with_a_loader_that_was_left_in_the_middle() {
     let mut chip = board.chip.borrow_mut();
     assert_eq!((chip.runs, chip.refuses.take().is_some()), (Runs::Loader, true));
     drop(chip);
-    // Leave the loader as a program does that ends between a command and its status.
+    // Leave the loader in the state in which a program leaves it that ends before it reads the
+    // status of its last command.
     board.send(DNLOAD, 0, &[]).unwrap_err();
     board.send(CLEAR_STATUS, 0, &[]).unwrap();
     board.send(DNLOAD, 0, &[ERASE, 0, 0, 0, 8]).unwrap();

@@ -39,7 +39,8 @@ fn devices() -> io::Result<impl Iterator<Item = DeviceInfo>> {
 }
 
 impl UsbLoader {
-    /// Opens the loader with this id, and claims its interface with the flash.
+    /// Opens the loader with this id, and claims the interface through which the flash is
+    /// programmed.
     ///
     /// # Errors
     ///

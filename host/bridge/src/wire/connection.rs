@@ -21,7 +21,7 @@ pub(crate) struct Connection {
     stuck_since: Option<Instant>,
     /// Text of the last failure that was logged, so that it is logged once, however long it lasts.
     reported: Option<String>,
-    /// Whether to open the port next without logging it.
+    /// Whether the next opening of the port is not logged.
     silently: bool,
     /// Whether the port has sent bytes but no valid frame, as the port of another device would.
     /// Interruptions of such a port are not logged.
@@ -88,7 +88,7 @@ impl Feed for Connection {
         self.opener.to_string()
     }
 
-    /// Returns the silence of the device after which the port should be reopened.
+    /// Returns the time without a frame from the device after which the port should be reopened.
     fn silence_limit(&self) -> Duration {
         match self.opener.address() {
             PortAddress::Tty(_) | PortAddress::Auto(_) => Core::TTY_SILENCE_LIMIT,
@@ -167,8 +167,8 @@ impl Feed for Connection {
                     };
                     match exchanged {
                         Ok(Transfer::Read(count)) => return Ok(Event::Bytes(count)),
-                        // The device may have closed its end. What it sent before can still be
-                        // read; then reading reports the end.
+                        // The device may have closed its end. The bytes that it sent before can
+                        // still be read; after them, reading reports the end.
                         Ok(Transfer::NotWritten(error)) => {
                             tracing::debug!(%error, "commands cannot be written");
                             outgoing.clear();
@@ -231,18 +231,20 @@ pub trait Feed {
         HostTime::now()
     }
 
-    /// Returns the silence of the device after which [`Feed::close_silently`] is called.
+    /// Returns the time without a frame from the device after which [`Feed::close_silently`] is
+    /// called.
     fn silence_limit(&self) -> Duration {
         Duration::MAX
     }
 
-    /// Disconnects from a silent device, without logging it. The next event connects again.
+    /// Disconnects from a silent device, without logging it. The next call of [`Feed::next_event`]
+    /// connects again.
     fn close_silently(&mut self) {}
 
     /// Sets whether the device has so far sent only bytes that form no valid frame.
     fn mark_stranger(&mut self, _is_stranger: bool) {}
 
-    /// Returns what the last call of [`Feed::mark_stranger`] has set.
+    /// Returns the value that [`Feed::mark_stranger`] has set last.
     fn is_stranger(&self) -> bool {
         false
     }

@@ -15,7 +15,7 @@ use crate::wire::port::{Port, PortAddress};
 pub(crate) struct PortOpener {
     address: PortAddress,
     baud: u32,
-    /// Searches for the board if the address is `auto`; otherwise `None`.
+    /// Finder of the board; `None` unless the address is `auto`.
     finder: Option<BoardFinder>,
     /// Board found at the port that was opened last; `None` unless the address is `auto`.
     found: Option<FoundBoard>,
@@ -36,8 +36,12 @@ pub(crate) enum OpenError {
 }
 
 impl OpenError {
-    /// Returns why the port does not open at present, or the error that ends a program because
-    /// `port` can never be opened.
+    /// Returns the reason why the port cannot be opened at present, so that a retry makes sense.
+    ///
+    /// # Errors
+    ///
+    /// [`BridgeError`] if a retry is useless: `port` can never be opened, or several boards match
+    /// it.
     pub(crate) fn passing(self, port: String) -> Result<io::Error, BridgeError> {
         match self {
             OpenError::Ambiguous { boards } => Err(BridgeError::SeveralBoards(boards)),

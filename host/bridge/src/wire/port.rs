@@ -164,8 +164,8 @@ pub(crate) enum PortAddress {
     Tty(PathBuf),
     /// Host and port of a TCP server, written `tcp:HOST:PORT`.
     Tcp(String),
-    /// The serial port at which a board is now: for `auto` the only board, for `auto:SERIAL` the
-    /// board with this serial number.
+    /// The serial port to which a board is connected at the moment: for `auto` the only board, for
+    /// `auto:SERIAL` the board with this serial number.
     Auto(Option<String>),
 }
 

@@ -13,7 +13,7 @@ use crate::board::{Board, assert_has};
 use crate::device::Device;
 use crate::process::{Bridge, wait_until};
 
-/// Time limit for the decoder, long enough for a busy machine.
+/// Time limit for the bridge to decode all expected frames, long enough for a busy machine.
 const PATIENCE: Duration = Duration::from_mins(3);
 
 /// Reads the bridge's lines in a thread until `frames` frames of reconstructed signals have arrived
@@ -32,7 +32,8 @@ fn reconstructed(bridge: &mut Bridge, frames: usize) -> JoinHandle<(usize, usize
     })
 }
 
-/// Returns the result of a thread. Interrupts the bridge if the thread does not end in time.
+/// Waits for a thread to end, for at most [`PATIENCE`], and then interrupts the bridge. Returns the
+/// result of the thread.
 fn join<T>(thread: JoinHandle<T>, bridge: &Bridge) -> T {
     let deadline = Instant::now() + PATIENCE;
     while !thread.is_finished() && Instant::now() < deadline {

@@ -193,7 +193,8 @@ fn all_formats_hold_the_rows_and_events_of_csv() {
 #[test]
 fn rows_of_a_device_that_is_faster_than_the_host_are_whole_and_counted() {
     let mut rig = Rig::with(Streams::CODES | Streams::EVENTS, 100, 2);
-    // 150 s of signal in 1.5 s. Each code, lost or not, is one row in one file and 8 in the other.
+    // The board sends 150 s of signal in 1.5 s. Each code, lost or not, is one row of the codes and
+    // eight rows of the reconstructed signals.
     rig.run(2_400, 70);
     let lost = rig.lost;
     let log = all_formats_hold_the_same(rig, &["codes", "reconstructed"]);
@@ -224,8 +225,8 @@ fn all_formats_hold_the_same(rig: Rig, streams: &[&str]) -> String {
     last
 }
 
-/// Compares the first and the last channel, both status words and the events of a file with a
-/// table. The file has `more` signals after the status words.
+/// Compares the first and the last channel, the signals `trigger` and `status`, and the events of a
+/// file with a table. The file has `more` further signals after these two.
 fn compare(table: &Table, mut recording: Recording, more: usize, tolerance: f64) {
     let rate_hz = recording.signals()[0].rate.unwrap().value();
     let events = recording.events().unwrap().into_iter().map(|event| {
@@ -410,8 +411,8 @@ fn events_beside_a_restart_stand_at_their_rows() {
     for _ in 0..20 {
         recording.hop();
     }
-    // The last row happened 10 ms ago, because the filters delay it, and rows are 7.8 ms apart: an
-    // event 20 ms ago belongs to an earlier row.
+    // The filters delay the signal, so the last row belongs to the time 10 ms ago. Rows are 7.8 ms
+    // apart, so an event 20 ms ago belongs to an earlier row.
     recording.event(20_000);
     recording.restart(8 * HOP_US);
     for _ in 0..20 {

@@ -27,7 +27,7 @@ pub(crate) struct Controls {
     pub(crate) jump: AtomicU32,
     /// Whether a byte of every third code is changed on its way to the host.
     pub(crate) damage: AtomicBool,
-    /// Set by a test to close the connection once, while the board keeps running.
+    /// Set by a test to close the connection a single time; the board keeps running.
     pub(crate) hang_up: AtomicBool,
     /// Number of codes made so far.
     pub(crate) made: AtomicU32,

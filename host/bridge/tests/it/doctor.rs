@@ -73,7 +73,8 @@ async fn a_machine_in_order_is_status_0() {
     }
     let (finding, _) = found(&checks, "device", "ok");
     assert!(finding.contains("board, firmware test") && finding.contains("wire format 1"));
-    // The doctor only asks a running device to identify itself; it does not change its streams.
+    // `doctor` only asks a running device to identify itself, and does not change the device's
+    // streams.
     let received = device.received();
     assert!(received.len() >= 2);
     let identify = |command: &ToDevice| *command == ToDevice::Identify;

@@ -49,7 +49,8 @@ fn every_outlet_has_the_same_frames_and_is_named_in_diagnostics_and_the_last_lin
             break;
         }
     }
-    // The loop's end has closed the pipe. The page goes on, and shows that the other outlet ended.
+    // The end of the loop above has dropped `messages`, which closes the pipe. The page goes on,
+    // and reports that the outlet `ndjson` has ended.
     let ended = "ndjson receives nothing any more";
     loop {
         let report = DiagnosticArray::from_bytes(&next(&mut page, 5)).unwrap();

@@ -207,7 +207,7 @@ fn a_recording_of_samples_alone_is_shown() {
     rig.run(100, 200);
     std::fs::write(&path, rig.finish()).unwrap();
     let (bridge, mut page) = shown(&path);
-    // The simulated board does not send the samples of the first frame.
+    // Skip the first frame, whose samples the simulated board does not send.
     next(&mut page, 4);
     // Electrode 0 rises by a count in every sample, and a frame has 32 samples.
     let mut last = None;
@@ -252,7 +252,7 @@ fn a_folder_that_does_not_exist_is_refused_with_the_option_that_names_it() {
     assert_has(&why, ["cannot be created", "--record-dir"]);
 }
 
-/// Returns the newest command to the device that does not only state the time.
+/// Returns the newest command to the device, except commands that only state the time.
 fn last_command(device: &Device) -> Option<ToDevice<'static>> {
     let mut received = device.received();
     received.retain(|command| !matches!(command, ToDevice::SyncTime { .. }));
@@ -303,7 +303,8 @@ fn electrodes_and_rates_are_set_on_the_device() {
     let why = page.refused("exclude", &format!("{label} always"));
     assert!(why.contains("its board or model cannot do that"), "{why}");
     assert!(page.refused("rate", "7").contains("--streams packed"));
-    // Without events and a recording, nothing would keep a marker.
+    // Without the stream of events and without a recording, a marker would be lost, so it is
+    // refused.
     assert!(page.refused("marker", "now").contains("start a recording first"));
     page.done("record", "start");
     let marked = page.done("marker", "now");

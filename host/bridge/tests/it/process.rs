@@ -55,8 +55,8 @@ impl Bridge {
         command
     }
 
-    /// Starts the bridge with the configuration file of a user. `home` is the environment variable
-    /// that names the user's folder, and its value.
+    /// Starts the bridge with the configuration file in a user's folder. `home` is the environment
+    /// variable that names this folder, and its value.
     pub(crate) fn start_in_home(arguments: &[&str], home: (&str, &str)) -> Bridge {
         let mut command = Bridge::command(arguments, &[home], Stdio::piped());
         Bridge::spawn_command(command.env_remove("CORTICODE_CONFIG"))

@@ -85,7 +85,8 @@ fn a_recording_that_was_killed_is_readable_to_its_last_whole_frame() {
         let path = folder.path().join(format!("recording-{round}"));
         let device = Device::tcp(Board::new());
         let bridge = start(&device, &path, &[]);
-        // 28 bytes are the header, which is written at once. Each round kills at another time.
+        // The recording starts with a header of 28 bytes. Each round kills the bridge at another
+        // time after the header.
         wait_for_bytes(&path, 28);
         std::thread::sleep(Duration::from_micros(round * 7_919 % 150_000));
         bridge.signal(Signal::KILL);

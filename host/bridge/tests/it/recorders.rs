@@ -9,8 +9,9 @@ use crate::process::TIMEOUT;
 /// Number of an event, counted from 1, and its stamp, nanoseconds since 1970.
 type Stamped = (i64, i64);
 
-/// Calls `get_info` as a recorder if `asks`, and takes a frame and then three events. Returns the
-/// index of the frame's first row, the times between which it was published, and the events.
+/// Calls `get_info` as a recorder if `asks` is true, then receives a frame and three events.
+/// Returns the index of the frame's first row, the earliest and the latest time at which the frame
+/// can have been published, and the events.
 async fn record(graph: &Graph, name: &str, asks: bool) -> (i64, [i64; 2], [Stamped; 3]) {
     let node = node(name, graph.master.uri()).await;
     let events = node.subscribe("/events/bus", NeuroEvent::TYPE, 64).await;
@@ -25,7 +26,8 @@ async fn record(graph: &Graph, name: &str, asks: bool) -> (i64, [i64; 2], [Stamp
             announcement(&node, GET_INFO_SERVICE).await;
         }
         let answered_ns = Stamp::now().nanoseconds();
-        // A frame read about the time of the call may or may not be the recording's first: retry.
+        // If a frame was read close to the time of the call, it is not known whether the recording
+        // starts with this frame: retry.
         let mut is_clear = true;
         let first = loop {
             let frame = frame(&mut frames).await;
@@ -54,13 +56,15 @@ async fn each_recorder_gets_an_event_at_its_own_place_and_others_at_its_time() {
     let graph = Graph::new().await;
     let streams = ["--streams=codes,raw,events", "--announce=raw", "--stamp=arrival"];
     let _bridge = graph.bridge_with(&streams);
-    // The board makes 32 samples, 62.5 ms at the stated rate, every 20 ms, and edge n at sample
-    // 32 (10 n - 1), which is also the row.
+    // Every 20 ms, the board makes 32 samples, which are 62.5 ms at the stated rate. Sample 32 (10
+    // n - 1) has edge n; the row of an edge is the number of its sample.
     let row = |number: i64| 32 * (10 * number - 1);
     for name in ["recorder1", "recorder2"] {
         let (first, [earliest_ns, latest_ns], events) = record(&graph, name, true).await;
         for (number, stamp_ns) in events {
-            // The recorder rounds down and counts rows from 0; readers of its file count from 1.
+            // The stamp is 1.5 rows later than the row: one row because the recorder counts rows
+            // from 0 and readers of its file from 1, and half a row because the recorder rounds
+            // down.
             let since_ns = (2 * (row(number) - first) + 3) * 1_000_000_000 / 1024;
             let published_ns = stamp_ns - since_ns + 62_500_000;
             let earliest_ns = earliest_ns - 1;

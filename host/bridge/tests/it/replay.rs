@@ -14,8 +14,8 @@ use crate::process::{Bridge, free_address, wait_for_bytes};
 use crate::record::read;
 use crate::synthetic_recording::Rig;
 
-/// Replays a recording to a bridge. Returns the bridge's messages, each with its topic, and both
-/// logs.
+/// Replays a recording to a bridge. Returns the bridge's messages, each with its topic, and the
+/// logs of both programs as one text.
 pub(crate) fn replayed(
     arguments: &[&str],
     port: &str,
@@ -34,7 +34,8 @@ pub(crate) fn replayed(
     (reader.join().unwrap(), log + &bridge_log)
 }
 
-/// Replays a recording to a bridge. Returns the published codes without fillers, and both logs.
+/// Replays a recording to a bridge. Returns the published codes without fillers, and the logs of
+/// both programs as one text.
 fn replayed_codes(arguments: &[&str], port: &str, streams: &str) -> (Vec<Vec<f64>>, String) {
     let (mut messages, log) = replayed(arguments, port, streams);
     messages.retain(|(topic, message)| {

@@ -98,7 +98,7 @@ fn a_simulator_that_starts_again_at_its_port_is_a_restart_and_no_bad_link() {
     let _again = Device::pty(again, &path);
     let is_new_run = |frame: &Value| frame["tri"]["data"][1] == 0;
     while !is_new_run(&frames.recv_timeout(TIMEOUT).unwrap().1) {}
-    // The next report to /diagnostics counts what is missing.
+    // Wait for the next report to /diagnostics, which counts the missing codes.
     std::thread::sleep(Duration::from_millis(1500));
     let log = bridge.end(Signal::TERM);
     assert!(log.contains("the device was reset or replaced"), "{log}");

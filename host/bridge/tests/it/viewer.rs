@@ -27,7 +27,7 @@ pub(crate) fn view(address: SocketAddr) -> BufReader<TcpStream> {
     reader
 }
 
-/// Reads messages until one on the topic with the number `topic`. Returns its body.
+/// Reads messages until the first one of topic number `topic`, and returns its body.
 pub(crate) fn next(reader: &mut BufReader<TcpStream>, topic: u8) -> Vec<u8> {
     loop {
         let mut length = [0; 4];

@@ -21,14 +21,14 @@ const MAX_FILLERS_S: u64 = 86_400;
 
 /// Receives the blocks and events of a recording, in the order in which the core publishes them.
 pub(crate) trait Listener {
-    /// Whether the listener reads the values of reconstructed rows. They are decoded only if it
-    /// does, because decoding takes most of the time of a pass.
+    /// Whether the listener reads the values of reconstructed rows. If not, they are not decoded,
+    /// because decoding takes most of the time of a pass.
     const DECODES: bool;
 
     /// Receives the next rows of a stream.
     fn block(&mut self, block: Block);
 
-    /// Receives the next edge of the trigger input or marker.
+    /// Receives the next event: an edge of the trigger input, or a marker.
     fn event(&mut self, event: TimedEvent);
 }
 
@@ -54,9 +54,10 @@ pub(crate) struct Collector<L> {
     pub(crate) elapsed_s: u64,
     /// Number of rows of each stream so far, without fillers.
     received: [u64; STREAMS],
-    /// Number of fillers of each stream so far, in rows.
+    /// Number of filler rows of each stream so far.
     fillers: [u64; STREAMS],
-    /// Number of missing rows without fillers, because their stream had too many fillers.
+    /// Number of missing rows that no filler replaces, because their stream already has as many
+    /// fillers as permitted.
     pub(crate) unfilled: u64,
 }
 
@@ -110,16 +111,17 @@ impl<L: Listener> Collector<L> {
         });
     }
 
-    /// Passes a frame of the present run to the listener. The first row happened `delay_us` before
-    /// the device time in the frame's status words.
+    /// Passes a frame that the device made since its newest start to the listener. The first row
+    /// happened `delay_us` before the device time in the frame's status words.
     fn publish(&mut self, stream: Stream, frame: &NeuroFrame, delay_us: i64) {
         let block = Self::block_of(self.run, stream, frame, delay_us);
         let is_filler = block.is_filler();
         self.pass_on(block, is_filler);
     }
 
-    /// Passes the frame of a packed block to the listener. Only the pass that decodes a malformed
-    /// block flags it as a filler, so both passes ignore this flag and count the block as received.
+    /// Passes the frame of a packed block to the listener. The first pass decodes no blocks, so it
+    /// does not flag a malformed block as a filler. For equal results, both passes ignore this flag
+    /// and count a malformed block as received.
     fn publish_packed(&mut self, of: PassedBlock, frame: &NeuroFrame, delay_us: i64) {
         let block = Self::block_of(of.run, Stream::Reconstructed, frame, delay_us);
         self.pass_on(block, !of.is_received);
@@ -134,8 +136,8 @@ impl<L: Listener> Collector<L> {
         let last = frame.eeg.info.nsamples.saturating_sub(1);
         let [first_us, last_us] = [0, last].map(device_us_of);
         let device_us = if last_us < first_us {
-            // The device restarted within the frame. The frame's last row is of the present run, so
-            // count back from that row.
+            // The device restarted within the frame. The frame's last row was made after the
+            // restart, so count back from that row.
             last_us - i64::from(last) * 1_000_000 / i64::from(frame.sr.max(1))
         } else {
             first_us
@@ -165,7 +167,8 @@ impl<L: Listener> Collector<L> {
     }
 
     /// Returns how many of `count` blocks of fillers the stream may still have, and counts them as
-    /// used. The limit exists because a damaged recording can miss more data than a disk holds.
+    /// used. The limit exists because a damaged recording can lack so much data that the fillers
+    /// for it would not fit on a disk.
     fn take_fillers(&mut self, block: &Block, count: u64) -> u64 {
         let seconds = self.elapsed_s.saturating_add(SPARE_S).min(MAX_FILLERS_S);
         // A device that is faster than real time, such as a simulated one, sends more than a second
@@ -180,9 +183,9 @@ impl<L: Listener> Collector<L> {
         taken
     }
 
-    /// Passes fillers to the listener for missing frames before `block` that the core did not fill:
-    /// it fills only as many as fit into the queues of subscribers. After a restart, the times of
-    /// the fillers continue the times of the previous run.
+    /// Passes fillers to the listener for the missing frames before `block` that the core did not
+    /// fill. The core fills only as many frames as fit into the queues of subscribers. After a
+    /// restart, the times of the fillers continue the times of the previous run.
     fn fill_skipped(&mut self, block: &Block) {
         let place = match block.stream {
             Stream::Raw => 0,
@@ -201,8 +204,9 @@ impl<L: Listener> Collector<L> {
         self.newest[place] = Some(block.clone());
     }
 
-    /// Returns how long before the device time of a code or packed block its first step was at the
-    /// electrodes, microseconds. `steps` returns the number of steps in the code or block.
+    /// Returns the time by which the first step of a code or packed block was at the electrodes
+    /// before the device time of the code or block, microseconds. `steps` returns the number of
+    /// steps in the code or block.
     fn delay_us(&self, steps: impl Fn(&Device) -> u8) -> i64 {
         self.device.as_ref().map_or(0, |device| {
             let lookback = u32::from(steps(device)) - 1;
@@ -314,7 +318,7 @@ impl<L: Listener> Effects for Collector<L> {
     }
 }
 
-/// Returns the code of an event of ROS-Neuro, which has 16 bits.
+/// Returns the 16-bit code of a ROS-Neuro event.
 const fn event_code(of: i32) -> u16 {
     #[expect(
         clippy::cast_possible_truncation,

@@ -39,7 +39,7 @@ pub(crate) struct Playback<L> {
     identity: Option<Identity>,
     hop: Option<Hop>,
     renumbering: Renumbering,
-    /// Time of the newest record if the core has not been ticked for it yet.
+    /// Time of the newest record; `None` after the core has been ticked for this time.
     due: Option<HostTime>,
     /// Time of the newest record.
     newest: Option<HostTime>,
@@ -117,7 +117,8 @@ impl<L: Listener> Playback<L> {
         self.newest = Some(time);
     }
 
-    /// Publishes the last packed block, which is waiting for the next one. Call this at the end.
+    /// Publishes the last packed block, which has been waiting for the next block. Call this at the
+    /// end.
     pub(crate) fn finish(&mut self) {
         self.collector.finish_blocks();
     }

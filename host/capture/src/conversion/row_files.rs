@@ -37,7 +37,8 @@ pub(crate) trait RowWriter {
     /// format cannot hold a value.
     fn write(&mut self, block: &Block) -> io::Result<()>;
 
-    /// Writes what the format has at its end, and flushes the file.
+    /// Writes what the format stores at the end of a file, such as GDF's table of events, and
+    /// flushes the file.
     fn finish(self: Box<Self>) -> io::Result<()>;
 }
 
@@ -76,7 +77,7 @@ pub(crate) struct CsvRows {
 }
 
 impl CsvRows {
-    /// Writes the line with the names of the columns.
+    /// Creates the writer, and writes the line with the names of the columns.
     pub(crate) fn new(out: File, file: &StreamFile<'_>) -> io::Result<CsvRows> {
         let mut out = BufWriter::new(out);
         write!(out, "row,time_s,device_s,events")?;
@@ -120,7 +121,8 @@ impl RowWriter for CsvRows {
     }
 }
 
-/// Returns a time as text in seconds with all digits; `units` is the time in 10^-`digits` seconds.
+/// Returns a time as text in seconds with `digits` decimals; the unit of `units` is 10^-`digits`
+/// seconds.
 fn seconds(units: i64, digits: u32) -> String {
     let one = 10_i64.pow(digits);
     let sign = if units < 0 { "-" } else { "" };
@@ -142,7 +144,8 @@ pub(crate) struct RecordRows {
 }
 
 enum RecordFile {
-    /// A GDF file, with row and event code of all events, which it stores at its end.
+    /// A GDF file, and row and event code of each event. GDF stores the events at the end of the
+    /// file.
     Gdf(GdfWriter<BufWriter<File>>, Vec<(u64, u16)>),
     Bdf(EdfWriter<BufWriter<File>>),
 }

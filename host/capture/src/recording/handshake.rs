@@ -12,8 +12,8 @@ use crate::recording::recorder::Recorder;
 /// Number of commands that can wait for their acknowledgement.
 const MAX_SENT: usize = 32;
 
-/// Keeps the newest introduction of a device and the commands that it has acknowledged. A recording
-/// that begins in the middle of a stream must start with these.
+/// Stores the newest introduction of a device and the commands that the device has acknowledged. A
+/// recording that begins in the middle of a stream must start with them.
 ///
 /// The caller passes in everything that it sends and receives, even while it is not recording.
 #[derive(Debug, Default)]
@@ -40,7 +40,7 @@ struct Command {
 }
 
 impl Handshake {
-    /// Notes that the port was opened. A device that is streaming continues.
+    /// Notes that the port was opened. Opening the port does not stop a device that is streaming.
     pub fn opened(&mut self) {
         self.is_open = true;
         self.sent.clear();
@@ -124,9 +124,9 @@ impl Handshake {
         self.acknowledged.push((command, ack.result));
     }
 
-    /// Writes the first records of a recording, all with the time `now`: that the port is open, the
-    /// device's introduction, and the acknowledged commands with their results. If the device is
-    /// streaming, the record `joined` follows.
+    /// Writes the first records of a recording, all with the time `now`: a record that the port is
+    /// open, the device's introduction, and the acknowledged commands with their results. If the
+    /// device is streaming, the record `joined` follows.
     pub fn begin(&self, recorder: &mut Recorder, now: HostTime) {
         if !self.is_open {
             return;
@@ -136,7 +136,7 @@ impl Handshake {
             return;
         }
         let introduction = self.introduction.payloads();
-        // Advance the device time: a stopped device can have been silent for seconds.
+        // Advance the device time: a stopped device may have sent nothing for seconds.
         let since_us = now.monotonic_us.saturating_sub(self.received_us);
         let frames = introduction.len() + self.acknowledged.len();
         let mut header = Header {

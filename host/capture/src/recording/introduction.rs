@@ -21,7 +21,7 @@ pub(crate) struct Introduction {
 }
 
 impl Introduction {
-    /// Keeps the frame in `payload` if it is part of an introduction.
+    /// Stores the frame in `payload` if it is part of an introduction.
     pub(crate) fn note(&mut self, payload: &[u8]) {
         let mut decoder = Decoder::<MAX_FRAME>::new();
         let mut bytes = payload;

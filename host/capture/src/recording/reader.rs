@@ -6,11 +6,11 @@ use bridge_core::HostTime;
 
 use crate::recording::{FileHeader, MAX_RECORD, Parsed, Record, RecordingError};
 
-/// Number of bytes that one read from the file asks for.
+/// Number of bytes requested by one read from the file.
 const BLOCK: usize = 64 * 1024;
 
-/// Limit of the host's monotonic clock, microseconds: 285 years, up to which a float64 is exact. A
-/// later time counts as damage.
+/// Limit of the host's monotonic clock, microseconds: 285 years. Up to this limit a float64 is
+/// exact. A later time counts as damage.
 const MAX_MONOTONIC_US: i64 = 1 << 53;
 /// Limit of the wall clock, nanoseconds since 1970: the year 2116. A later time counts as damage.
 const MAX_WALL_NS: i64 = 1 << 62;
@@ -111,7 +111,8 @@ impl<R: Read> RecordingReader<R> {
         }
     }
 
-    /// Reads from the file until the buffer has `needed` unused bytes or the file ends.
+    /// Reads from the file until the buffer has `needed` bytes that are not parsed yet, or the file
+    /// ends.
     fn fill(&mut self, needed: usize) -> Result<(), RecordingError> {
         if self.at_end || self.buffer.len() - self.position >= needed {
             return Ok(());

@@ -9,12 +9,12 @@ use crate::recording::{FileHeader, MAX_PAYLOAD, Record, RecordKind};
 ///
 /// The bytes from the device are split after each zero that ends a frame, and become the payloads
 /// of records. Joined in order, the payloads are exactly the bytes from the device. A payload ends
-/// without a zero only if it holds garbage longer than a frame or an unfinished frame.
+/// without a zero only if it holds an unfinished frame, or garbage that is longer than a frame.
 #[derive(Debug)]
 pub struct Recorder {
-    /// Bytes so far of the frame that is not complete yet.
+    /// Bytes received so far of the frame that is not complete yet.
     piece: Vec<u8>,
-    /// Whether `piece` holds more than zeros, which can precede a frame.
+    /// Whether `piece` holds a byte other than the zeros that can precede a frame.
     has_content: bool,
     unwritten: Vec<u8>,
     bytes: u64,

@@ -6,8 +6,8 @@ use link::{
     Quality, Raw, Stats, ToHost,
 };
 
-/// Number of hops left out at the beginning, so that every stream begins with the same hop although
-/// the message of a code arrives one hop after the samples of its first step.
+/// Number of hops to leave out at the beginning. Without these hops, every stream begins with the
+/// same hop, although the message of a code arrives one hop after the samples of its first step.
 const LEFT_OUT: u32 = 2;
 
 /// Length of a hop, in steps and in ADC samples.
@@ -61,7 +61,8 @@ impl Renumbering {
     }
 }
 
-/// Returns the index of the hop in which a message was made; `None` if no field shows it.
+/// Returns the index of the hop in which a message was made; `None` if the message does not contain
+/// it.
 fn hop_of(message: &ToHost<'_>, hop: Hop) -> Option<u32> {
     let of_samples = |sample: u64| u32::try_from(sample / hop.samples).ok();
     match message {
@@ -138,7 +139,7 @@ mod tests {
 
     const HOP: Hop = Hop { steps: 8, samples: 32 };
 
-    /// Returns a message of each kind that has the index of a hop, for the hop `hop`.
+    /// Returns, for the hop `hop`, one message of each kind that contains the index of a hop.
     fn numbered(hop: u32) -> [ToHost<'static>; 4] {
         let flags = Flags::empty();
         [
@@ -170,7 +171,8 @@ mod tests {
         ]
     }
 
-    /// Returns a message of each kind that has the index of a sample or step, for the hop `hop`.
+    /// Returns, for the hop `hop`, one message of each kind that contains the index of a sample or
+    /// step.
     fn indexed(hop: u32) -> [ToHost<'static>; 3] {
         let flags = Flags::empty();
         [

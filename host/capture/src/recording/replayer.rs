@@ -47,8 +47,8 @@ pub struct Replayer<R> {
     restarted: bool,
     /// Time in the recording at which the recorded device was started, microseconds.
     started_us: i64,
-    /// Time on the host's clock minus time in the recording, microseconds; `None` before the first
-    /// frame of a run is sent.
+    /// Time on the host's clock minus time in the recording, microseconds; `None` from a `Start`
+    /// until the first frame is sent.
     offset_us: Option<i64>,
     /// Next frame to send: its time in the recording, microseconds, and its bytes.
     next: Option<(i64, Vec<u8>)>,
@@ -202,7 +202,8 @@ impl<R: Read + Seek> Replayer<R> {
             | ToDevice::ModelChunk(_)
             | ToDevice::ModelEnd => AckResult::NotSupported,
             ToDevice::SetFeatures(_) => {
-                // Accept any filters: recorded features name the filters that they come from.
+                // Accept any filters, although they change nothing: recorded features name the
+                // filters that they come from.
                 if self.recorded_streams.contains(Streams::FEATURES) {
                     AckResult::Done
                 } else {

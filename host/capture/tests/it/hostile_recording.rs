@@ -25,8 +25,9 @@ fn good() -> Vec<u8> {
     rig.finish()
 }
 
-/// Returns a sound recording after changes. `change` gets the number and the time of each record,
-/// and, if the record is a frame from the device, the device time and the message of that frame.
+/// Returns a valid recording that `change` has changed. `change` receives the number and the time
+/// of each record, and, if the record is a frame from the device, the device time and the message
+/// of that frame.
 fn changed(
     mut change: impl FnMut(usize, &mut HostTime, Option<(&mut u64, &mut ToHost<'_>)>),
 ) -> Vec<u8> {
@@ -85,7 +86,8 @@ fn replay(recording: Vec<u8>) -> u64 {
     replayer.counts().codes
 }
 
-/// Converts a recording within limits of time and size. Returns the summary as text.
+/// Converts a recording, and asserts that the time and the size of the files stay within limits.
+/// Returns the summary as text.
 fn convert(recording: &[u8]) -> String {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.wire");

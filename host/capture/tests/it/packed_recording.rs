@@ -113,7 +113,8 @@ impl PackedRecording {
         self.send(&ToHost::Stats(stats));
     }
 
-    /// Sends an edge of the trigger input that happened `ago_us` ago.
+    /// Sends the event of a rising edge of the trigger input, which happened `ago_us` microseconds
+    /// ago.
     pub(crate) fn event(&mut self, ago_us: u64) {
         let event = Event { kind: EventKind::TriggerRise, number: self.events, sample: 0 };
         self.events += 1;
@@ -130,7 +131,7 @@ impl PackedRecording {
         self.start();
     }
 
-    /// Returns the file as it is after a loss of power, without an end.
+    /// Returns the file as a loss of power leaves it: without the records that end a recording.
     pub(crate) fn cut_off(mut self) -> Vec<u8> {
         self.recorder.take()
     }

@@ -23,7 +23,7 @@ pub(crate) struct Rig {
     now_us: i64,
     /// Host time at which the board started, microseconds.
     boot_us: i64,
-    /// Host time of the first ADC sample since the board's start, microseconds.
+    /// Host time of the first ADC sample after the board's start, microseconds.
     start_us: i64,
     streams: Streams,
     /// Device time that passes per unit of host time: 1 for a real board, more for a simulated one.
@@ -133,7 +133,7 @@ impl Rig {
         self.deliver(&frame, host_us + delay_us);
     }
 
-    /// Delivers a frame, or loses it on the way.
+    /// Delivers a frame, or, with the probability `loss_percent`, loses it on the way.
     fn deliver(&mut self, frame: &[u8], read_us: i64) {
         if self.next_random() % 100 < self.loss_percent {
             self.lost += 1;
@@ -142,7 +142,8 @@ impl Rig {
         }
     }
 
-    /// Returns the host time of ADC sample `sample` since the board's start, microseconds.
+    /// Returns the host time, microseconds, of the ADC sample with the index `sample`, which counts
+    /// from the board's start.
     fn sample_us(&self, sample: i64) -> i64 {
         self.start_us + sample * 1_000_000 / TICKS_PER_SECOND
     }

@@ -1,5 +1,5 @@
-//! Tests of the messages, their definitions and serialisation, the contract of frames, and the
-//! lines of JSON.
+//! Tests of the messages: their definitions, their serialisation, the rules for the shape of
+//! frames, and the lines of JSON.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 mod contract;

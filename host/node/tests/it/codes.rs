@@ -142,7 +142,8 @@ fn the_frame_that_completes_a_window_publishes_its_code_also_when_it_is_resample
         let most = usize::try_from(frame_us.div_ceil(hop_us)).unwrap();
         let [rate_hz, adc_rate_hz] = [rate_hz, model::ADC_RATE_HZ].map(usize::from);
         let samples_per_step = usize::from(model::ADC_RATE_HZ / model::STEP_RATE_HZ);
-        // The last sample of the acquisition that the last step of a window depends on.
+        // Returns the index of the acquisition's last sample that the last step of a window depends
+        // on.
         let last = |window: &usize| {
             let step = window * model::HOP + model::STEPS - 1;
             step * samples_per_step * rate_hz / adc_rate_hz + delay
@@ -169,7 +170,7 @@ fn labels_can_have_any_order_and_spelling_and_missing_electrodes_are_announced()
         1 => format!("{}.", label.to_lowercase()),
         _ => format!("{label}h"),
     });
-    // An appended h can make the label of another electrode of the 10-5 system: CP1h is not CP1.
+    // With an appended h, a label can name another electrode of the 10-5 system: CP1h is not CP1.
     // Such a label keeps its old spelling.
     let spelled: Vec<String> = spelled
         .zip(&acquisition.labels)

@@ -68,7 +68,8 @@ fn an_acquisition_that_counts_from_1_again_is_a_restart_as_of_a_board() {
     let expected = acquisition.codes_of_recording(40, Mains::Hz50);
     let after = &harness.recorder.encoded[before..];
     let fillers = after.iter().filter(|frame| is_filler(frame)).count();
-    // The 2 s without frames are 32 codes; window 0 also needs the first two hops of the new run.
+    // The 2 s without frames correspond to 32 codes. Window 0 after the restart also needs the
+    // first two hops after the restart.
     assert!((30..=34).contains(&fillers), "{fillers} fillers");
     let codes: Vec<_> = after.iter().filter(|frame| !is_filler(frame)).collect();
     assert_eq!(codes.len(), expected.len());
@@ -171,7 +172,7 @@ fn check_standstill(standstill: &Standstill) {
     let fillers = encoded.iter().filter(|frame| is_filler(frame)).count();
     let expected = if standstill.lost > 0 { standstill.lost as usize + 2 } else { 0 };
     assert_eq!(fillers, expected, "{name}");
-    // Stamps are 62.5 ms apart except at the pause, as the samples are.
+    // Successive stamps are 62.5 ms apart, as the samples are, except at the pause.
     let stamp_us = |frame: &neuro_ros::NeuroFrame| frame.header.stamp.nanoseconds() / 1000;
     let first = stamp_us(&encoded[0]);
     let steps = encoded.windows(2).map(|pair| stamp_us(&pair[1]) - stamp_us(&pair[0]));

@@ -27,7 +27,8 @@ pub(crate) struct Graph {
 }
 
 impl Graph {
-    /// Starts the graph, with `options` for the program, and waits until all are connected.
+    /// Starts the graph, and passes `options` to the program. Waits until the program receives the
+    /// frames of the test, and the test receives the codes of the program.
     pub(crate) async fn start(options: &[&str]) -> Graph {
         let master = Master::start(SocketAddr::from(([127, 0, 0, 1], 0))).await.unwrap();
         let node = node("test", master.uri()).await;
@@ -73,7 +74,7 @@ impl Graph {
         (node, publisher)
     }
 
-    /// Calls a method of the ROS master for another node.
+    /// Calls a method of the ROS master as the node `/other`.
     pub(crate) async fn call_master(&self, method: &str, arguments: &[&str]) {
         let caller = ["/other"].iter().chain(arguments);
         let arguments: Vec<Value> = caller.map(|text| Value::from(*text)).collect();

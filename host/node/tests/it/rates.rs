@@ -5,7 +5,7 @@ use neuro_ros::{DiagnosticLevel, DiagnosticStatus};
 use crate::acquisition::Acquisition;
 use crate::harness::{Harness, START};
 
-/// Seconds after the start, and after the pause, in which the clock is not judged yet.
+/// Seconds after the start, and after the pause, during which the tests do not check the clock.
 const SETTLING_S: f64 = 12.0;
 
 /// A simulated amplifier, whose true rate differs from the rate that it states.
@@ -52,7 +52,7 @@ fn stamps_follow_the_true_rate_within_a_millisecond() {
         println!(
             "{rate_hz:6} {frame_samples:6} {rate_error_ppm:10.0} {pause_s:8.1} | {drift_ppm:9.1} {p99:7.3} {max:7.3}"
         );
-        // The drift is the error of a sample's duration, which is the inverse of the rate.
+        // The drift is the relative error of the sample period, which is the inverse of the rate.
         let expected_ppm = (1.0 / (1.0 + rate_error_ppm * 1e-6) - 1.0) * 1e6;
         assert!((drift_ppm - expected_ppm).abs() < 50.0, "{clock:?}");
         let is_warning = clock.level == DiagnosticLevel::Warn;
@@ -67,7 +67,7 @@ fn stamps_follow_the_true_rate_within_a_millisecond() {
 fn run(amplifier: &Amplifier) -> (DiagnosticStatus, Vec<f64>) {
     let acquisition = Acquisition::new(amplifier.rate_hz, amplifier.frame_samples);
     let true_rate = f64::from(amplifier.rate_hz) * (1.0 + amplifier.rate_error_ppm * 1e-6);
-    // Time from the first frame's first sample, seconds.
+    // Returns when a sample was made: the time since the first sample of the first frame, seconds.
     let made_s = |sample: f64| {
         let at = sample / true_rate;
         if at > 20.0 { at + amplifier.pause_s } else { at }
@@ -91,7 +91,7 @@ fn run(amplifier: &Amplifier) -> (DiagnosticStatus, Vec<f64>) {
         now_us = read_us;
         stamped.resize(harness.recorder.encoded.len(), read_s);
     }
-    // The stamp is the time of the window's first sample, before the filters' delay.
+    // The stamp is the time of the window's first sample, minus the filters' delay.
     let delay = f64::from(pipeline::Mains::Hz50.filter().group_delay_us)
         * 1e-6
         * f64::from(amplifier.rate_hz);

@@ -27,7 +27,7 @@ async fn each_kind_of_refusal_is_one_line_of_the_log_and_counted_in_diagnostics(
         assert_eq!(log.matches(part).count(), 1, "{part}: {log}");
     }
     assert_eq!(log.lines().count(), 3, "{log}");
-    // After refused frames, sound ones are encoded.
+    // After refused frames, valid frames are encoded.
     graph.publish(1..=8).await;
     graph.next_code().await;
     let mut infinite = frame(9);

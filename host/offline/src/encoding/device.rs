@@ -18,7 +18,7 @@ impl FrameQueue for Frames {
         self.0.extend(frame);
     }
 
-    /// Never called: the queue has no limit, and every message of a code fits a frame.
+    /// Never called: the queue has no limit, and every message with a code fits into a frame.
     fn count_dropped(&mut self) {}
 
     fn dropped(&self) -> u32 {
@@ -53,7 +53,7 @@ pub(super) struct Device {
     sender: Sender<Frames>,
     acquisition: Acquisition,
     producer: Box<Producer<BothEncoders>>,
-    /// Parameters of the run until the first sample starts it; afterwards `None`.
+    /// Parameters with which the first sample starts the run; `None` after the first sample.
     new_run: Option<Run>,
     samples: u64,
     steps: u64,

@@ -59,7 +59,7 @@ impl SignalFile for EdfFile {
 /// Writes one record for each hop to a GDF file; values are float32 and unchanged.
 pub(super) struct GdfFile {
     writer: GdfWriter<BufWriter<File>>,
-    /// Rows and types of the events, which the file holds at its end.
+    /// Row and type of each event. GDF stores the events at the end of the file.
     events: Vec<(u64, u16)>,
 }
 

@@ -1,5 +1,5 @@
-//! Of a file with codes and packed blocks, such as a captured stream, one kind is decoded, with a
-//! warning about the other kind.
+//! If a file has codes and packed blocks, as a captured stream can have, one kind is decoded and a
+//! warning reports the other kind.
 
 use std::fs;
 use std::path::{Path, PathBuf};

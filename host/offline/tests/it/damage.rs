@@ -9,7 +9,8 @@ use offline::{Encoding, OfflineError, Progress, SignalFormat};
 
 use crate::recording::{ENCODING, Fixture};
 
-/// Returns the error message for a file that cannot be decoded.
+/// Asserts that a file with the content `bytes` cannot be decoded. Returns the error message with
+/// its cause.
 fn refusal(fixture: &Fixture, bytes: &[u8]) -> String {
     let path = fixture.written("refused.codes", bytes);
     let error = fixture.decode(&path, "refused.csv", SignalFormat::Csv, false);

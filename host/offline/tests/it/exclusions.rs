@@ -1,4 +1,5 @@
-//! Electrodes that the device excluded are marked in the written files, and left out of the error.
+//! Electrodes that the device excluded are marked in the written files, and do not count in the
+//! error.
 
 use std::fs;
 use std::io::Read as _;

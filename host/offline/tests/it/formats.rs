@@ -1,4 +1,5 @@
-//! Each format holds the microvolts of the model's decoder, and the events of the recording.
+//! Each file format stores the values that the model's decoder computes, in microvolts, and the
+//! events of the recording.
 
 use std::fs;
 
@@ -162,8 +163,8 @@ fn a_line_of_csv_has_row_time_flags_events_and_microvolts() {
     assert!(second.starts_with(&format!("128,{:.6},", 1.0 - delay_s)), "{second}");
 }
 
-/// Returns the values of all electrodes in each row, as the mean of all windows that contain it,
-/// uV.
+/// Returns the values of all electrodes in each row, uV. Each value is the mean over all windows
+/// that contain the row.
 fn expected(fixture: &Fixture) -> Vec<Vec<f32>> {
     let mut pipeline = Pipeline::new(Mains::Hz50);
     let folder =

@@ -1,4 +1,5 @@
-//! Packed blocks are decoded to the microvolts of the library's decoder, also after losses.
+//! Packed blocks are decoded to the same values as by `artifact`'s `PackedDecoder`, also after
+//! losses.
 
 use std::fs;
 
@@ -31,8 +32,8 @@ fn blocks(fixture: &Fixture) -> Vec<PackedCode> {
     steps.filter_map(|step| encoder.encode_step(&step)).collect()
 }
 
-/// Returns the values of the rows as the library decodes them: each block also corrects the hop of
-/// the block before it, and `None` stands for a lost block.
+/// Returns the values of the rows as `PackedDecoder` decodes them: each block also corrects the hop
+/// of the block before it. `None` stands for a lost block.
 fn expected(blocks: &[Option<&PackedCode>]) -> Vec<f32> {
     let model = offline::Model::embedded().expect("a model");
     let artifact = artifact::Artifact::from_files(model::artifact_files::FILES);

@@ -14,7 +14,7 @@ use recordings::{AdcSpec, FileToWrite, GdfWriter, Missing, MontageMap, Recording
 
 /// Length of a recording for tests without a comparison, seconds.
 const SHORT_S: u32 = 7;
-/// Length of a recording in which the filters settle, seconds: they take 10 s.
+/// Length, seconds, of a recording that is long enough for the filters to settle. They take 10 s.
 const LONG_S: u32 = 14;
 /// Row and GDF type of each event of the recording.
 pub(crate) const EVENTS: [(u64, u16); 3] = [(100, 0x0301), (1_500, 0x0302), (3_000, 0x0301)];
@@ -54,7 +54,7 @@ impl Fixture {
         self.path("recording.codes")
     }
 
-    /// Returns the samples of the recording at the model's ADC.
+    /// Returns the samples that the model's ADC makes of the recording.
     pub(crate) fn samples(&self) -> impl Iterator<Item = Sample> {
         let recording = Recording::open(self.recording()).expect("a recording");
         let map = MontageMap::new(&recording.labels(), &labels(), Missing::Refuse).expect("a map");
@@ -68,8 +68,8 @@ impl Fixture {
         })
     }
 
-    /// Writes a file with the frames of [`Self::codes`] for whose messages `change` returns true;
-    /// `change` may also change the messages.
+    /// Passes the message of each frame of [`Self::codes`] to `change`, which may change the
+    /// message. Writes a file with the frames for which `change` returns true.
     pub(crate) fn changed(
         &self,
         name: &str,

@@ -38,7 +38,7 @@ pub(super) struct Registrations {
     registers: [Register; 4],
     /// Maps a service name to its provider: (node name, service URI).
     service_uris: HashMap<String, (String, String)>,
-    /// True once any service has been registered. The error message for an unregistered service
+    /// Whether any service has ever been registered. The error message for an unregistered service
     /// depends on this, as in rosmaster.
     had_service: bool,
 }

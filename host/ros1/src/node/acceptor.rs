@@ -16,7 +16,7 @@ use crate::{
     tcpros::{Header, HeaderError, refuse, set_options},
 };
 
-/// Maximum number of open connections, including connections without a header so far.
+/// Maximum number of open connections, including those whose header has not been read yet.
 const MAX_CONNECTIONS: usize = 1024;
 /// Delay after a failed accept, for example when no file descriptor is left.
 const ACCEPT_RETRY_DELAY: Duration = Duration::from_millis(100);

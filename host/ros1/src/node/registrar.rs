@@ -148,7 +148,7 @@ impl Registrar {
         })
     }
 
-    /// Asks the master for its publishers and services.
+    /// Asks the master which nodes publish topics, subscribe to topics and provide services.
     pub(crate) async fn system_state(&self) -> Result<SystemState, CallError> {
         let method = "getSystemState";
         let state = self.call(method, &[]).await?;
@@ -361,7 +361,8 @@ fn is_same<T>(now: Option<&Arc<T>>, before: &Arc<T>) -> bool {
     now.is_some_and(|now| Arc::ptr_eq(now, before))
 }
 
-/// Nodes that publish topics or provide services, as the master knows them at one moment.
+/// Nodes that publish topics, subscribe to topics or provide services, as the master knows them at
+/// one moment.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SystemState {
     publishers: Vec<(String, Vec<String>)>,

@@ -286,7 +286,7 @@ impl<'a> Document<'a> {
         }
     }
 
-    /// Reads the closing tags that are left and the end of the document.
+    /// Reads the remaining closing tags and the end of the document.
     fn end(&mut self) -> Result<(), DecodeError> {
         loop {
             match self.next_tag()? {

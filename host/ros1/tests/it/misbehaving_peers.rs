@@ -152,8 +152,8 @@ async fn a_subscriber_that_does_not_read_loses_only_its_own_oldest_messages() {
     assert_eq!(subscriber.dropped(), 0);
     let dropped = publisher.dropped();
     assert!(dropped > 0);
-    // Once the slow subscriber reads, it receives complete messages in order, including the newest.
-    // All other messages were counted as dropped.
+    // When the slow subscriber starts to read, it receives complete messages in order, including
+    // the newest. All other messages were counted as dropped.
     read_header(&mut slow).await;
     let (mut received, mut last) = (0, None);
     while last != Some(MESSAGES - 1) {

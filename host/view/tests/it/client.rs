@@ -93,7 +93,6 @@ impl Served {
     }
 }
 
-/// Returns the body of a response.
 pub(crate) fn body(response: &str) -> &str {
     response.split_once("\r\n\r\n").unwrap().1
 }
@@ -103,7 +102,7 @@ pub(crate) fn status(response: &str) -> &str {
     response.split(' ').nth(1).unwrap_or(response)
 }
 
-/// Reads a message without its length.
+/// Reads a message, and returns the bytes after its length field.
 pub(crate) fn read_message(stream: &mut TcpStream) -> Vec<u8> {
     let mut length = [0; 4];
     stream.read_exact(&mut length).unwrap();

@@ -36,7 +36,7 @@ fn a_viewer_that_stands_still_costs_no_other_a_frame_and_the_publisher_no_time()
         assert_eq!(NeuroFrame::from_bytes(&message[9..]), Ok(frame.clone()));
     }
     println!("longest publication: {longest:?}");
-    // The viewer that stands still is disconnected, and the messages that it missed are counted.
+    // The viewer that reads nothing is disconnected, and the messages that it missed are counted.
     wait_until("the end of the slow viewer", || served.view.viewers() == 1);
     assert!(served.view.dropped() > 100, "{}", served.view.dropped());
     drop(still);

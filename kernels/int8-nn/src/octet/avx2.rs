@@ -126,7 +126,7 @@ fn output_sums(words: __m256i) -> [i32; OUTPUTS] {
 #[inline]
 #[target_feature(enable = "avx2")]
 fn position_sums([a, b, c]: [__m256i; POSITIONS]) -> [i32; POSITIONS * OUTPUTS] {
-    // Each half holds the sums of one output, at positions 0, 1, 2 and again 2.
+    // Each half of `sums` holds the sums of one output: at positions 0, 1, 2 and again 2.
     let sums = _mm256_hadd_epi32(_mm256_hadd_epi32(a, b), _mm256_hadd_epi32(c, c));
     let by_position = _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7);
     let sums = _mm256_permutevar8x32_epi32(sums, by_position);

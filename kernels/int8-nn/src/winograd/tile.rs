@@ -19,7 +19,8 @@ pub(super) const SCALE: usize = 48;
 /// Number of pool windows in a tile; they are side by side.
 pub(super) const WINDOWS: usize = 2;
 
-/// Sums of one of the tile's products, in the order `[position][output]`.
+/// Sums of one of the tile's products over the input channels and the three time steps, in the
+/// order `[position][output]`.
 pub(super) type Sums = [i32; POSITIONS * OUTPUTS];
 
 /// Several numbers to which each operation of a transform applies at once.

@@ -67,7 +67,8 @@ fn recordings_come_back_bit_for_bit() {
         let note = b"SKIPPED: real recordings: CORTICODE_DATA is not set\n";
         return stderr().write_all(note).expect("stderr");
     };
-    // Limits a little above the measured 6.97 and 14.43 bits; a count of the first file is 1 uV.
+    // The limits are a little above the measured 6.97 and 14.43 bits. In the first file, one count
+    // is 1 uV.
     for (file, bytes, most) in
         [("eegmmidb_S001/S001R04.edf", 2, 7.5), ("bdf_edf/test.bdf", 3, 16.0)]
     {

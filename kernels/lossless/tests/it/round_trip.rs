@@ -10,7 +10,7 @@ use lossless::{Block, DecodeError, Decoder, Encoder, EncoderState, Kind, MAX_SAM
 use proptest::prelude::*;
 use signal::{CHANNELS, Row, Shape, rows, to_bytes};
 
-/// Sends key blocks so often that long signals contain several.
+/// Encoder that sends a key block every 16 blocks, so that a long signal contains several.
 const ENCODER: Encoder = Encoder { key_blocks: 16 };
 
 /// An encoded block and the samples from which it was made.
@@ -31,8 +31,8 @@ impl Encoded {
     }
 }
 
-/// Encodes stretches of samples. Samples are missing between two stretches, so each starts with a
-/// key block.
+/// Encodes stretches of samples. Samples are missing between two stretches, so each stretch starts
+/// with a key block.
 fn encode(stretches: &[Vec<Row>]) -> Vec<Encoded> {
     let mut state = EncoderState::NEW;
     let mut blocks = Vec::new();

@@ -31,7 +31,7 @@ impl Contacts {
     pub(super) const IDEAL: Self = Self { off: 0, ohms: [0.0; CHANNELS] };
 }
 
-/// End of a conversion, and the sample rate.
+/// Time at which a conversion ends, and the sample rate.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Conversion {
     pub(super) now_ns: u64,
@@ -61,7 +61,7 @@ pub(super) fn convert(
 ) -> [i32; CHANNELS] {
     let currents = chip.register(Register::LOFF_SENSP);
     let off = contacts.off & currents;
-    // Without excitation the lead-off current is a direct current.
+    // `None` if there is no excitation; the lead-off current is then a direct current.
     let excitation = excitation(chip, conversion);
     let reference = chip.reference(conversion.now_ns);
     core::array::from_fn(|channel| {

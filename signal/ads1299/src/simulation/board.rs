@@ -50,9 +50,10 @@ pub(super) struct Board<const CHIPS: usize> {
     is_commanded: bool,
     /// Time at which RESET went low, in nanoseconds; `None` while it is high.
     reset_low_ns: Option<u64>,
-    /// End of the next conversion, in clock cycles; `None` while the chips are stopped.
+    /// Time at which the next conversion ends, in clock cycles; `None` while the chips are stopped.
     next: Option<u64>,
-    /// End of the next conversion, in nanoseconds; `u64::MAX` if there is none.
+    /// Time at which the next conversion ends, in nanoseconds; `u64::MAX` while the chips are
+    /// stopped.
     next_ns: u64,
     /// Number of bytes clocked since the last conversion or, with cascaded chips, since the last
     /// change of a chip select.
@@ -319,7 +320,8 @@ impl<const CHIPS: usize> Board<CHIPS> {
         true
     }
 
-    /// Returns the end of the next conversion in nanoseconds, if the chips convert.
+    /// Returns the time at which the next conversion ends, in nanoseconds; `None` if the chips do
+    /// not convert.
     pub(super) fn next_ns(&self) -> Option<u64> {
         self.next.map(|_| self.next_ns)
     }

@@ -19,7 +19,7 @@ pub(super) struct Chip {
     reference_ns: Option<u64>,
     pub(super) selected: bool,
     state: State,
-    /// End of the last received byte, in nanoseconds.
+    /// Time at which the last received byte ended, in nanoseconds.
     last_ns: u64,
     /// Effect of the last byte; cancelled if the chip is deselected before the byte is decoded.
     pending: Option<Pending>,
@@ -131,7 +131,7 @@ impl Chip {
         self.continuous
     }
 
-    /// Returns a register's value, without a write that is still being decoded.
+    /// Returns a register's value; a write that the chip is still decoding has no effect yet.
     pub(super) const fn register(&self, register: Register) -> u8 {
         self.registers[register.index()]
     }
@@ -158,7 +158,7 @@ impl Chip {
         self.pending = None;
     }
 
-    /// Deselects the chip and returns whether the last byte had been decoded by then.
+    /// Deselects the chip; returns whether the chip had already decoded the last byte.
     pub(super) fn deselect(&mut self, moment: Moment) -> bool {
         self.selected = false;
         let in_time = moment.now_ns >= self.last_ns + moment.decode_ns;
@@ -281,7 +281,7 @@ fn rest(left: u8, state: State) -> State {
 /// `Fault::ShiftedBit` inserts.
 const BYTES: usize = CHIP_BYTES * MAX_CHIPS + 2;
 
-/// Bits that a chain sends for one sample, from the first selected chip on.
+/// The bits that a chain sends for one sample, starting with the first selected chip.
 pub(super) struct Burst([u8; BYTES]);
 
 impl Burst {

@@ -9,12 +9,12 @@ const MISO_FARADS: f64 = 40e-12;
 /// Capacitance at the DOUT of a chip that is not selected, in farads: an estimate.
 const DOUT_FARADS: f64 = 15e-12;
 
-/// Levels that the microcontroller reads as 1 and 0, as fractions of DVDD (STM32 data sheets, I/O
-/// static characteristics).
+/// Thresholds of the microcontroller's input, as fractions of DVDD (STM32 data sheets, I/O static
+/// characteristics): a voltage of at least `HIGH` reads as 1, a voltage of at most `LOW` as 0.
 const HIGH: f64 = 0.7;
 const LOW: f64 = 0.3;
 
-/// Steps of the integration in half a period of SCLK.
+/// Number of integration steps in half a period of SCLK.
 const STEPS: u32 = 200;
 
 /// Voltages of MISO and of the other chips' DOUTs, which are connected to MISO through their
@@ -26,7 +26,8 @@ pub(super) struct Miso {
 }
 
 impl Miso {
-    /// Sets both voltages to a level that a chip drives directly.
+    /// Sets the voltages of MISO and of the other chips' DOUTs to the level that a chip drives
+    /// without a resistor.
     pub(super) fn drive(&mut self, is_high: bool) {
         let volts = if is_high { DVDD } else { 0.0 };
         (self.volts, self.douts) = (volts, volts);
@@ -66,8 +67,8 @@ mod tests {
 
     #[test]
     fn a_first_bit_settles_as_computed() {
-        // Seven of eight chips have resistors. The voltages were computed with an independent
-        // integration in 2,000 steps.
+        // Seven of eight chips have resistors. The expected voltages were computed with an
+        // independent integration in 2,000 steps.
         for (ohms, expected) in [(47e3, 1.88), (22e3, 2.70)] {
             let mut miso = Miso::default();
             miso.settle(true, ohms, 6.0, 5e-6);

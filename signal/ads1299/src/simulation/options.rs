@@ -61,12 +61,13 @@ impl<const CHIPS: usize> Electrodes<CHIPS> {
         Self::Volts(Box::new(|_, volts| *volts = [[0.0; CHANNELS]; CHIPS]))
     }
 
-    /// Returns electrodes whose volts are a function of the sample's number.
+    /// Returns electrodes whose voltages are computed by `deliver`, in volts, from the sample's
+    /// number.
     pub fn volts(deliver: impl FnMut(u64, &mut [[f64; CHANNELS]; CHIPS]) + Send + 'static) -> Self {
         Self::Volts(Box::new(deliver))
     }
 
-    /// Returns electrodes whose counts are a function of the sample's number.
+    /// Returns electrodes whose counts are computed by `deliver` from the sample's number.
     pub fn counts(
         deliver: impl FnMut(u64, &mut [[i32; CHANNELS]; CHIPS]) + Send + 'static,
     ) -> Self {

@@ -23,7 +23,7 @@ fn chip_0_dies_and_drdy_with_it() {
     assert_eq!((status.words[0].0, status.bad & 1), (0, 1));
 }
 
-/// Measures the rate of a chain over 64 edges of DRDY. Returns the text of the error that is found.
+/// Measures the rate of a chain over 64 edges of DRDY and returns the text of the rate error.
 fn wrong_rate(options: Options, fault: Option<Fault>) -> String {
     let silent = Electrodes::silent();
     let mut bench = Bench::<2, { frame_bytes(2) }>::new(options, silent, Settings::EEG);
@@ -42,8 +42,9 @@ fn wrong_rate(options: Options, fault: Option<Fault>) -> String {
 #[test]
 fn a_wrong_rate_is_stated_with_its_likely_cause() {
     let slow = Options { clock_hz: 2_048_000, ..Options::default() };
-    // 63 periods of 1024 Hz, rounded to whole microseconds, measure as 1023.990 or 1024.007 Hz. The
-    // test compares the digits that both have in common.
+    // Over 63 periods of 1024 Hz with edges rounded to whole microseconds, the measured rate is
+    // 1023.990 or 1024.007 Hz. The test compares only the leading digits, which are the same for
+    // both rates.
     let doubled = (Options::default(), Some(Fault::DoubleRate));
     for ((options, fault), hz, cause) in [
         (doubled, "102", " Hz, and 512.000 Hz is set, 2 times as fast: "),
@@ -75,8 +76,8 @@ fn a_frame_that_is_read_too_late_is_flagged() {
         assert!(bench.next().is_sound());
     }
     let edge_us = bench.edge_us();
-    // The burst takes 108 us and starts 50 us before the end of the next conversion, so that
-    // conversion overwrites the frame while it is read.
+    // The burst takes 108 us and starts 50 us before the end of the next conversion, which
+    // therefore overwrites the frame while it is read.
     bench.simulation.pass_us(1953 - 50);
     let reading = finish(bench.sampler.read(edge_us)).unwrap();
     let status = reading.status.unwrap();

@@ -43,7 +43,7 @@ fn sampled_amplitude(phase: f64) -> f64 {
 
 #[test]
 fn the_fundamental_of_the_sampled_square_wave_is_within_one_and_a_half_percent_at_any_phase() {
-    // Closed form: harmonic k has the amplitude 4 / (pi k), the filter's gain at it is
+    // Closed form: harmonic k has the amplitude 4 / (pi k), the filter's gain at this harmonic is
     // (sin(pi k / 4) / (pi k / 4))^3, and the fundamental is k = 1.
     let harmonic = |k: f64| 4.0 / (PI * k) * ((PI * k / 4.0).sin() / (PI * k / 4.0)).powi(3);
     assert!((harmonic(1.0) / FUNDAMENTAL - 1.0).abs() < 1e-12);
@@ -51,7 +51,7 @@ fn the_fundamental_of_the_sampled_square_wave_is_within_one_and_a_half_percent_a
         (0..64).map(|n| sampled_amplitude(f64::from(n) / 16.0) / FUNDAMENTAL).collect();
     let mean = amplitudes.iter().sum::<f64>() / amplitudes.len() as f64;
     let [least, most] = [f64::min, f64::max].map(|of| amplitudes.iter().copied().reduce(of));
-    // Measured: 0.9866 to 1.0147, mean 1.00004.
+    // Measured ratios to `FUNDAMENTAL`: 0.9866 to 1.0147, mean 1.00004.
     println!("{least:?} to {most:?}, mean {mean}");
     assert!((mean - 1.0).abs() < 0.001, "{mean}");
     assert!(least.is_some_and(|x| x > 0.985) && most.is_some_and(|x| x < 1.015));
@@ -83,8 +83,9 @@ fn eeg(rate_hz: f64) -> Deliver<f64, 1> {
     })
 }
 
-/// Returns a running chip at `hz` whose electrodes have [`OHMS`], with excitation, and its meter.
-/// The conversions start `delay_us` later, which moves the phase of the excitation.
+/// Returns a running chip with a sample rate of `hz` and electrode impedances of [`OHMS`], and a
+/// meter for its samples. The excitation is on. The conversions start `delay_us` later, which moves
+/// the phase of the excitation.
 fn excited(
     hz: u32,
     gain: Gain,
@@ -187,7 +188,8 @@ fn a_restart_measures_whole_seconds_again() {
 fn the_excitation_is_switched_between_two_samples_without_losing_one() {
     for (wiring, channels) in [
         (Wiring::Cascaded, 61),
-        // Six chips have fewer than eight electrodes and need their own LOFF_SENSP.
+        // Six of the chips have fewer than eight electrodes, so their values of LOFF_SENSP must be
+        // written one by one.
         (Wiring::Daisy, 17),
         (Wiring::Daisy, 61),
     ] {

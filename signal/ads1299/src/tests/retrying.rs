@@ -37,8 +37,9 @@ impl Bench {
         Self { simulation, chain, drdy }
     }
 
-    /// Returns the readings until `us` with their time stamps, and asserts that each reading comes
-    /// before the next one is due.
+    /// Returns the readings until `us` with the times of their edges. Asserts that each reading
+    /// comes less than five periods after the previous one, and less than one period after its
+    /// edge.
     fn until(&mut self, us: u64) -> Vec<(Reading<CHIPS>, u64)> {
         let mut found = Vec::new();
         let mut before_us = self.drdy.now_us();
@@ -122,7 +123,8 @@ fn a_broken_chip_costs_the_others_no_sample() {
         let mut bench = Bench::new(|simulation| simulation.inject(5, fault));
         let resets = bench.resets();
         let found = bench.until(20_000_000);
-        // Stuck data show only from the chip's second sample on, so the first readings are skipped.
+        // Stuck data can be detected only from the chip's second sample on, so the first readings
+        // are skipped.
         let is_broken = |(reading, _): &(Reading<CHIPS>, u64)| {
             reading.bad.trailing_zeros() == 5 && reading.missed == 0
         };

@@ -115,7 +115,8 @@ fn the_rate_of_another_oscillator_is_measured_and_flags_no_sample() {
     let mut bench = Bench::<1, { frame_bytes(1) }>::silent(options);
     assert!((0..200).all(|_| bench.next().is_sound()));
     let measured = bench.sampler.millihertz().expect("three judgements");
-    // Tolerance: two stamps of 1 us resolution over 1/8 s are 16 ppm, 8 mHz at 500 Hz.
+    // Tolerance: the 1 us resolution of both stamps causes an error of up to 16 ppm over 1/8 s,
+    // which is 8 mHz at 500 Hz.
     assert!(measured.abs_diff(500_000) <= 10, "{measured}");
 }
 

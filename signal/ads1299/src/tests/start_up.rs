@@ -99,7 +99,7 @@ fn a_wrong_id_names_the_chip_and_what_it_may_be() {
 
 #[test]
 fn a_chip_without_answer_is_named_with_its_likely_cause() {
-    // Without read-back, only chip 0 drives MISO.
+    // Without read-back resistors, only chip 0 drives MISO.
     let without_read_back = Options { read_back_ohms: None, ..Options::default() };
     let dead = error_with(6, Fault::Dead);
     let mut bench = stopped::<4, { frame_bytes(4) }>(without_read_back);

@@ -35,7 +35,8 @@ fn every_sample_arrives_once_and_unchanged_on_either_kind_of_board() {
             assert_eq!(bench.sampler.counts(), &expected, "sample {sample}");
         }
         assert_eq!(bench.sampler.decoder.alignment(), Some(alignment));
-        // Two stamps of 1 us resolution over 1.95 s are 1 ppm, or 0.5 mHz of 512 Hz.
+        // The 1 us resolution of both stamps causes an error of up to 1 ppm over 1.95 s, which is
+        // 0.5 mHz at 512 Hz.
         assert!(meter.check().unwrap().abs_diff(512_000) <= 1);
         run(bench.sampler.chain.halt(Settings::EEG));
         assert_eq!(bench.simulation.violations(), 0);

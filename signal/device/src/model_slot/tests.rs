@@ -100,7 +100,7 @@ fn the_built_in_model_uploaded_is_the_constant_and_yields_its_blocks() {
     }
 }
 
-/// Returns input values and block of each hop of noise, encoded with an uploaded model.
+/// Encodes noise with the uploaded model; returns each hop's input values with its block.
 fn blocks_of(upload: &[u8], rate: Rate) -> Vec<(Vec<i16>, PackedCode)> {
     let (slot, _) = uploaded(upload);
     let packed = slot.weights().expect("a model in use").packed;
@@ -141,8 +141,8 @@ fn the_probes_of_a_weighted_model_find_misfits() {
     let weighted = another_with(|model| {
         model.description.weight = Some(ErrorWeight { band_hz: [8.0, 30.0], strength: 3.0 });
         model.synthesis = Some(std::vec![0.0; model.analysis.weights.len()]);
-        // About the energy that the probes find in the median block of this noise, so that some
-        // blocks are misfits.
+        // This limit is about the energy that the probes find in the median block of this noise, so
+        // that only some of the blocks are misfits.
         model.description.misfit_uv2 = 100.0;
     });
     let Some((model, bytes)) = weighted else {
@@ -169,7 +169,8 @@ enum Act {
     Begin {
         other: bool,
     },
-    /// Sends chunks of this length from the end of the received bytes on, moved by `skip` bytes.
+    /// Sends `count` chunks of `length` bytes each. Each chunk starts `skip` bytes after the end of
+    /// the bytes that the device has received.
     Chunks {
         count: usize,
         length: usize,
@@ -330,8 +331,8 @@ fn a_model_of_another_layout_or_shape_or_with_numbers_out_of_range_is_refused() 
     assert_eq!(slot.end().result, AckResult::BadArgument);
 }
 
-/// Returns a model with a random linear code and a random packed code, for the input of the
-/// built-in model, and its upload; `None` if this image takes no linear code.
+/// Returns a model with a random linear code and a random packed code, which take the same input as
+/// the built-in model, and the model's upload; `None` if this build accepts no linear code.
 fn another_linear() -> Option<(Artifact, Vec<u8>)> {
     let (packed, _) = another().filter(|_| HAS_SHORTCUT)?;
     let artifact = any_linear_for(8, &built_in()?).expect("a model");

@@ -46,7 +46,8 @@ impl Device {
         }
     }
 
-    /// Delivers a command with the `seq` 70 at 1,000 us; returns the order to the board.
+    /// Delivers a command with the `seq` 70 at 1,000 us; returns the order that the session gives
+    /// the board, if any.
     fn deliver(&mut self, command: ToDevice<'_>) -> Option<Order> {
         let mut buffer = [0; MAX_FRAME];
         let mut host = link::Encoder::starting_at(70);
@@ -60,7 +61,8 @@ impl Device {
         orders.pop()
     }
 
-    /// Delivers a command; returns the order to the board and the result in the `Ack`.
+    /// Delivers a command; returns the order that the session gives the board, if any, and the
+    /// result in the `Ack`.
     fn execute(&mut self, command: ToDevice<'_>) -> (Option<Order>, AckResult) {
         let order = self.deliver(command);
         let acks = self.sent(|_, message| match message {
@@ -196,7 +198,7 @@ fn resets_and_rates_are_ordered_also_during_a_run() {
     }
 }
 
-/// New filters do not end the run, because features name the filters that they come from.
+/// New filters do not end the run, because each `Features` message carries the id of its filters.
 #[test]
 fn filters_in_range_are_taken_at_any_time_and_others_change_nothing() {
     let mut device = Device::new(EVERYTHING);
@@ -415,8 +417,8 @@ fn an_uploaded_model_is_introduced_by_its_id_and_streams_what_its_host_can_decod
             assert_eq!(device.execute(start(stream)).1, codes);
         }
         device.execute(ToDevice::Stop);
-        // Announcing another model replaces this one: until its upload is complete, the device uses
-        // the built-in model.
+        // Announcing another model discards this one; until the upload of the other model is
+        // complete, the device uses the built-in model.
         let begin = ToDevice::ModelBegin(ModelBegin {
             id: [1; 8],
             bytes: u32::try_from(bytes.len()).unwrap(),

@@ -459,9 +459,11 @@ fn a_railed_electrode_is_reported_and_filled() {
         blocks += usize::from(marks.substituted);
     }
     assert!(blocks > 3);
-    // The prediction is small, so nothing that was encoded is clipped.
+    // The encoders get the prediction of the electrode at the rail. The prediction is small, so no
+    // encoded value is clipped.
     assert_eq!(producer.clipped(), 0);
-    // Once a second the report is repeated, and the filtered steps show the rail.
+    // Once a second the report is repeated. The filtered steps have the flag for the rail, because
+    // they stay as measured.
     assert!(matches!(outputs.last().map(|output| output.payload), Some(Payload::Exclusion(_))));
     let measured = outputs.iter().any(|output| match output.payload {
         Payload::Filtered(chunk) => chunk.message().flags.contains(link::Flags::SATURATED),

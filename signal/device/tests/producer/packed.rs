@@ -97,9 +97,9 @@ fn a_window_of_repeated_steps_states_the_sample_of_its_first_step() {
 
 #[test]
 fn faults_of_the_samples_after_a_gap_are_in_their_own_blocks() {
-    // The last sample of block 0 is lost, in the second pass also the `2 * PER_STEP` samples before
-    // it. The next `PER_STEP` samples belong to the first step of block 1; the last of these
-    // carries the step.
+    // The last sample of block 0 is lost; in the second pass, the `2 * PER_STEP` samples before it
+    // are lost too. The next `PER_STEP` samples belong to the first step of block 1; the last of
+    // these carries the step.
     let last = sample_of(HOP as u64 - 1);
     for first_lost in [last, last - 2 * PER_STEP] {
         let lost: Vec<u64> = (first_lost..=last).collect();

@@ -88,8 +88,8 @@ fn an_echo_is_refused_in_the_other_direction() {
     }
 }
 
-/// Returns whether a host accepts `message`. Asserts that it reads an accepted message as sent, and
-/// refuses others as malformed.
+/// Returns whether a host accepts `message`. Asserts that the host decodes an accepted message as
+/// it was sent, and refuses any other as malformed.
 fn is_accepted(message: &ToHost<'_>) -> bool {
     let mut buffer = [0; MAX_FRAME];
     let mut bytes = Encoder::default().encode(1, message, &mut buffer).unwrap();

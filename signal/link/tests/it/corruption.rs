@@ -17,8 +17,8 @@ fn frames(messages: &[ToHost<'_>], first_seq: u32) -> Vec<Vec<u8>> {
     messages.iter().map(&mut frame).collect()
 }
 
-/// Returns each decoded frame, encoded again, with its index in the stream, and the number of bad
-/// frames. `chunk` is the number of bytes passed to the decoder at a time.
+/// Decodes `bytes`, of which the decoder gets `chunk` bytes at a time. Returns each decoded frame,
+/// encoded again, with its index in the stream; also returns the number of bad frames.
 fn decode(bytes: &[u8], chunk: usize, first_seq: u32) -> (Vec<(usize, Vec<u8>)>, usize) {
     let mut buffer = [0; MAX_FRAME];
     let mut decoder = Decoder::<MAX_FRAME>::new();
@@ -156,8 +156,8 @@ proptest! {
         let mut start = 0;
         for (place, frame) in frames.iter().enumerate() {
             let next = start + frame.len();
-            // A frame must arrive if it lies before the damage, or after it with its leading zero
-            // intact.
+            // A frame must arrive if it lies before the damage, or if it lies after the damage and
+            // its leading zero is intact.
             if next <= at || start > end {
                 let arrived = good.iter().any(|(seen, _)| *seen == place);
                 prop_assert!(arrived, "frame {} at {}..{} lost, damage {}..{}", place, start, next, at, end);

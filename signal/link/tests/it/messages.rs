@@ -100,7 +100,8 @@ pub(crate) fn code() -> ToHost<'static> {
     ToHost::Code(code_in(CodeValues::int8(&RAMP)))
 }
 
-/// Returns the code of [`code`] with other values, as a model of another code format sends it.
+/// Returns the code of [`code`] with other values, as a device sends it whose model has another
+/// code format.
 pub(crate) fn code_in(values: CodeValues<'_>) -> Code<'_> {
     Code {
         model_id: [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88],
@@ -211,7 +212,8 @@ fn event() -> ToHost<'static> {
     ToHost::Event(Event { kind: EventKind::TriggerRise, number: 12, sample: 9_660 })
 }
 
-/// Status of two chips; the second chip has delivered three bad frames and has an electrode off.
+/// Status of two chips; the second chip has delivered three bad frames and has a disconnected
+/// electrode.
 fn converters() -> ToHost<'static> {
     ToHost::Converters(Converters {
         fault: heapless::String::new(),

@@ -33,8 +33,8 @@ pub(crate) fn message() -> impl Strategy<Value = ToHost<'static>> {
     )
 }
 
-/// Returns a message of the same kind with these contents and numbers. Bytes of enums and bits of
-/// sets can be unknown to this version.
+/// Returns `message` with these contents and numbers in its fields. Enums and sets of bits can get
+/// values that this version does not know.
 fn with_contents(
     mut message: ToHost<'static>,
     bytes: &'static [u8],
@@ -141,8 +141,8 @@ fn with_contents(
     message
 }
 
-/// Returns the whole impedances in `bytes`, at most [`MAX_ELECTRODES`]; a fixed one if there is
-/// none.
+/// Returns the bytes of the whole impedances in `bytes`, of at most [`MAX_ELECTRODES`], or a fixed
+/// impedance if `bytes` holds no whole one.
 fn ohms(bytes: &'static [u8]) -> &'static [u8] {
     let length = bytes.len().min(4 * MAX_ELECTRODES) / 4 * 4;
     if length > 0 { &bytes[..length] } else { &[1, 2, 3, 4] }

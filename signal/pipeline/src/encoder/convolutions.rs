@@ -26,11 +26,12 @@ pub(super) struct Convolutions {
     /// The last three output planes of the first convolution, Winograd-transformed for the second.
     transformed: PlaneRing<Pair, TRANSFORMED, 3>,
     pool: Pool,
-    /// Place in the newest window at which the next step adds the pooled plane; `None` if no
-    /// addition is deferred.
+    /// For the newest window: the window's slot, and the index that the pooled plane has in the
+    /// window. The next step adds the plane there; `None` if no addition is deferred.
     newest: Option<Place>,
-    /// Places in the windows between the newest and the oldest at which the next step adds the
-    /// pooled plane.
+    /// For each window between the newest and the oldest: the window's slot, and the index that the
+    /// pooled plane has in the window. The next step adds the plane there; `None` if no addition is
+    /// deferred.
     between: [Option<Place>; BETWEEN],
     /// State for the planes at the ends of windows, if the network pads steps.
     edges: [Edges; PADS_TIME as usize],

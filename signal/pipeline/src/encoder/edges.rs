@@ -26,7 +26,8 @@ const END_FIRST: usize = POOLED_STEPS.saturating_sub(EDGE_STEPS);
 /// Index of the last pooled plane of a window.
 const END_LAST: usize = POOLED_STEPS.saturating_sub(1);
 
-/// State for the ends of windows, in addition to the planes of the stream.
+/// Planes and pool for the start and the end of a window, where the convolutions use padding in
+/// addition to the planes of the stream.
 #[derive(Clone, Debug)]
 pub(super) struct Edges {
     /// The first or the last hidden plane of the window, transformed; it depends on padding.

@@ -93,14 +93,15 @@ fn levels_are_those_of_the_same_computation_in_f64() {
         assert_eq!(features.hop as usize, hop);
         assert_eq!((features.id, features.levels().len()), (7, 2));
         assert_eq!(features.settling, hop < usize::from(SETTLING_HOPS));
-        // Rounding to a level causes an error of up to 0.5; the rest comes from rounding the
-        // electrodes to quarters of a microvolt.
+        // Rounding to a level causes an error of up to 0.5; the rest of the permitted error comes
+        // from rounding the electrodes to quarters of a microvolt.
         for (level, exact) in features.levels().iter().zip(expected) {
             let error = f64::from(*level) - exact;
             assert!(error.abs() < 0.9, "hop {hop}: {error}");
         }
     }
-    // The levels follow the signal: alpha waxes and wanes by more than an octave.
+    // The levels follow the signal: the amplitude of the alpha wave varies by more than a factor of
+    // 2, which is 16 levels.
     let levels = made.iter().skip(20).map(|features| features.levels()[1]);
     let range = [levels.clone().min(), levels.max()].map(Option::unwrap);
     assert!(range[1] - range[0] > 16, "{range:?}");

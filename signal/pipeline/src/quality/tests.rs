@@ -6,7 +6,6 @@ use std::{f64::consts::TAU, vec::Vec};
 use super::*;
 use crate::acquisition::Acquisition;
 
-/// Returns the number of counts in a microvolt.
 fn counts_per_uv() -> f64 {
     1000.0 / f64::from(LSB_NV)
 }
@@ -73,8 +72,8 @@ fn a_microvolt_of_mains_is_measured_despite_20_mv_of_offset_alpha_and_drift() {
                 .map(|sample| f64::from(sample.counts[index]) / counts_per_uv())
                 .collect();
             let (read, exact) = (f64::from(electrode.mains_uv), reference(hz, &signal));
-            // The f32 phases cause a relative error of up to 3e-5. Rounding adds 1e-7 of the 20 mV
-            // of offset: 2e-3 uV.
+            // The f32 phases cause a relative error of up to 3e-5. Rounding adds 1e-7 times the
+            // offset of 20 mV: 2e-3 uV.
             let bound = 3e-5 * exact + 2e-3;
             assert!((read - exact).abs() < bound, "{read} instead of {exact} uV");
             // The ADC's rounding and the window's leakage separate the reading from the true RMS.

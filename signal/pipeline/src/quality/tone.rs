@@ -49,7 +49,7 @@ impl Bin {
 struct Rotor {
     /// Cosine and sine of the current phase.
     at: [f32; 2],
-    /// Cosine and sine of the angle of one sample.
+    /// Cosine and sine of the angle by which the phase advances with every sample.
     rotation: [f32; 2],
 }
 
@@ -102,8 +102,8 @@ impl Tone {
         self.0[1] += weights[1] * x;
     }
 
-    /// Returns the RMS at the bin's frequency, in the unit of the samples, after the `rate_hz`
-    /// samples of a second.
+    /// Returns the RMS at the bin's frequency, in the unit of the samples; all `rate_hz` samples of
+    /// a second must have been added.
     pub(super) fn rms(self, rate_hz: u16) -> f32 {
         let [re, im] = self.0;
         // The amplitude is 2 |X| / N, because the mean of the Hann window is 1. The RMS of a sine
@@ -159,8 +159,8 @@ mod tests {
     fn offsets_ramps_and_other_frequencies_are_rejected() {
         for (rate, hz) in RATES.iter().flat_map(|&rate| [(rate, 50), (rate, 60)]) {
             let near = |t: f64| (f64::consts::TAU * (f64::from(hz) - 2.0) * t).sin();
-            // Largest measured readings: offset 4.7e-8; ramp 1.8e-6 (the leakage of the window, in
-            // f64 as well); sine 2 Hz below the bin 1.3e-6.
+            // Largest measured readings: offset 4.7e-8; ramp 1.8e-6, which is the leakage of the
+            // window and the same when computed in f64; sine 2 Hz below the bin 1.3e-6.
             for (name, read, limit) in [
                 ("offset", rms_of(hz, rate, |_| 1.0), 1e-7),
                 ("ramp", rms_of(hz, rate, |t| t), 2e-6),

@@ -18,7 +18,7 @@ pub(super) struct Evidence {
     ranges: [[i32; 2]; ELECTRODES],
     /// Number of samples so far.
     samples: u16,
-    /// Electrodes that were at the ADC's rail.
+    /// Electrodes that have been at the ADC's rail in this window.
     pub(super) railed: ElectrodeMask,
     mains: Mains,
     /// Number of steps so far.
@@ -46,7 +46,7 @@ type Weights = [[i16; 2]; WINDOW];
 /// quarters of a microvolt: 20 uV.
 const MAINS_ABOVE: u64 = 80;
 
-/// Range below which an electrode is flat, counts.
+/// Peak-to-peak range below which an electrode is flat, in counts.
 #[expect(clippy::cast_possible_truncation, reason = "a few counts")]
 const FLAT_BELOW: i32 = (FLAT_BELOW_UV * 1000.0 / LSB_NV) as i32 + 1;
 
@@ -61,8 +61,8 @@ impl Evidence {
         steps: 0,
     };
 
-    /// Starts the next window in place, with the mains frequency `mains`. The ranges need no
-    /// clearing, because the first sample sets them.
+    /// Starts the next window in place, with the mains frequency `mains`. `ranges` needs no
+    /// clearing, because the first sample of the window overwrites it.
     pub(super) fn restart(&mut self, mains: Mains) {
         self.electrodes = [Sums::ZERO; ELECTRODES];
         (self.samples, self.steps) = (0, 0);
@@ -73,7 +73,7 @@ impl Evidence {
         self.mains
     }
 
-    /// Extends the ranges of all electrodes by a sample.
+    /// Extends the ranges of all electrodes so that they include a sample.
     pub(super) fn add_sample(&mut self, sample: &Sample) {
         let ranges = self.ranges.iter_mut().zip(&sample.counts);
         if self.samples == 0 {

@@ -12,7 +12,7 @@ pub(super) const SWEEPS: usize = 8;
 /// Fractional bits of the table's weights.
 const WEIGHT_BITS: u32 = 7;
 
-/// Number of pairs that hold one value for each slot.
+/// Number of pairs that hold the values of all slots, two slots per pair.
 const SLOT_PAIRS: usize = MAX_EXCLUDED / 2;
 /// Number of input pairs of the matrix from all slots to every electrode: a multiple of 8, as
 /// [`Linear`] requires.
@@ -127,7 +127,8 @@ impl Fill {
             }
         }
         let mut sums = [HALF; ELECTRODE_OUTPUTS];
-        // `try_accumulate` returns false only for a table of another size, which does not compile.
+        // `try_accumulate` returns false only for a table of another size, and a model with such a
+        // table does not compile.
         let _ = table.prediction.try_accumulate(&inputs, &mut sums);
         let values = self.sweep(&sums);
         let _ = matrix(&self.weights).try_accumulate(&values, &mut sums);
@@ -135,8 +136,8 @@ impl Fill {
         for (predicted, &sum) in predicted.iter_mut().zip(&sums[..ELECTRODES]) {
             *predicted = saturated(sum >> WEIGHT_BITS);
         }
-        // Excluded electrodes get the value of the last sweep, because the product above amounts to
-        // a further sweep.
+        // Excluded electrodes get the value of the last sweep instead of the sum above, which
+        // amounts to a further sweep.
         for (slot, electrode) in self.indices().into_iter().enumerate() {
             if let Some(predicted) = predicted.get_mut(electrode) {
                 *predicted = values[slot / 2].get()[slot % 2];
@@ -145,8 +146,9 @@ impl Fill {
         predicted
     }
 
-    /// Returns the prediction of the electrode in each slot, 0 for a free slot. `sums` holds
-    /// [`HALF`] plus the products of the table with the electrodes that are not excluded.
+    /// Returns the prediction of the electrode in each slot, 0 for a free slot. Each element of
+    /// `sums` belongs to one electrode: [`HALF`] plus the sum of its weights times the values of
+    /// the electrodes that are not excluded.
     #[inline]
     fn sweep(&self, sums: &[i32; ELECTRODE_OUTPUTS]) -> Slots {
         let sums = (self.indices()).map(|electrode| sums.get(electrode).copied().unwrap_or(0));
@@ -189,6 +191,6 @@ const fn matrix(weights: &[Pair]) -> Linear<'_> {
 
 /// Half of the weights' scale: a sum that starts at this value is rounded half up by the shift.
 ///
-/// No table makes the sums overflow: the sums of the table stay below 2^23, and so do the sums of
-/// [`MAX_EXCLUDED`] values times 127.
+/// No table makes the sums overflow: the sums over all electrodes stay below 2^23, and so do the
+/// sums over all [`MAX_EXCLUDED`] slots, whose weights have a magnitude of at most 127.
 const HALF: i32 = 1 << (WEIGHT_BITS - 1);

@@ -11,7 +11,7 @@ use super::{ElectrodeMask, MAX_EXCLUDED, Table, WINDOW};
 /// multiple of the electrode's typical innovation energy; at most [`MOST_USUAL`]. The energy of the
 /// prediction is added to this limit, because a larger signal is predicted with a larger error.
 const EXCLUDING: u64 = 50;
-/// Upper limit of the energy that follows from [`EXCLUDING`]: 70 uV RMS. Without it, an electrode
+/// Largest value of the energy limit that [`EXCLUDING`] yields: 70 uV RMS. Without it, an electrode
 /// whose innovation was large in training, for example over a temporal muscle, would be excluded
 /// late or never for noise of 100 uV RMS.
 const MOST_USUAL: u64 = 280 * 280 * WINDOW as u64;
@@ -19,10 +19,10 @@ const MOST_USUAL: u64 = 280 * 280 * WINDOW as u64;
 const EXCESS_ONE: u32 = 1 << EXCESS_BITS;
 const EXCESS_BITS: u32 = 8;
 /// Excess that excludes an electrode after a single window. A smaller excess, above [`EXCESS_ONE`],
-/// must last two windows in a row, because half a second of movement or muscle activity is over by
-/// the time it is judged.
+/// must last two windows in a row, because movement or muscle activity of half a second is over by
+/// the time its window is judged.
 const SUDDEN: u32 = 2 * EXCESS_ONE;
-/// Excess below which an electrode counts as good again.
+/// Value of `Sums::excess` below which an electrode counts as good again.
 const GOOD_BELOW: u32 = EXCESS_ONE / 4;
 /// Largest number of electrodes that one window excludes for their innovation alone.
 const MOST_AT_ONCE: usize = 8;
@@ -90,7 +90,8 @@ impl Judge {
             let is_good = !certain[electrode] && !is_quiet && excess < GOOD_BELOW;
             self.good[electrode] = counted(self.good[electrode], is_good);
             recovered[electrode] = out & 1 != 0 && self.good[electrode] >= HOLD;
-            // Shift by one: to select one of 64 bits takes a microcontroller several instructions.
+            // Shift by one, because selecting one of 64 bits takes a microcontroller several
+            // instructions.
             (sure, out) = (sure >> 1, out >> 1);
         }
         let [certain, recovered] = [certain, recovered].map(mask);
@@ -115,8 +116,9 @@ impl Judge {
     }
 }
 
-/// Returns up to `most` electrodes outside `others`, whose excluding innovation is at least half of
-/// the largest. Smaller ones can come from a bad electrode, which spoils the predictions of others.
+/// Returns up to `most` electrodes that are not in `others` and whose excess is more than half of
+/// the largest excess. A smaller excess can come from a bad electrode, which spoils the predictions
+/// of others.
 fn largest(mut excess: [u32; ELECTRODES], others: ElectrodeMask, most: usize) -> ElectrodeMask {
     let mut rest = others;
     for excess in &mut excess {
@@ -147,7 +149,7 @@ const fn counted(count: u8, holds: bool) -> u8 {
     if holds { count.saturating_add(1) } else { 0 }
 }
 
-/// Returns the mask of the electrodes that are true.
+/// Returns the mask of the electrodes whose element is `true`.
 fn mask(electrodes: [bool; ELECTRODES]) -> ElectrodeMask {
     let bits = electrodes.into_iter().rev();
     bits.fold(0, |mask, bit| mask << 1 | ElectrodeMask::from(bit))

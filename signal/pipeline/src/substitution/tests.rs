@@ -70,7 +70,7 @@ fn root(covariance: &Matrix) -> Matrix {
     root
 }
 
-/// Returns the table for a covariance: weights in Q7, row by row, and the table itself.
+/// Returns the weights of the table for a covariance, in Q7 and row by row, and the table itself.
 fn table(covariance: &Matrix) -> (Vec<[i8; ELECTRODES]>, Table<'static>) {
     let precision = inverse(covariance);
     let row = |a: usize| {
@@ -104,7 +104,7 @@ fn packed(rows: &[[i8; ELECTRODES]], innovation: [i32; ELECTRODES]) -> Table<'st
     }
 }
 
-/// Noise, the same in every run.
+/// Pseudo-random noise that is the same in every run of the tests.
 struct Noise(u32);
 
 impl Noise {
@@ -118,7 +118,7 @@ impl Noise {
     }
 }
 
-/// Filtered counts (Q27.5) in a microvolt.
+/// Returns the number of units of a filtered step (counts in Q27.5) per microvolt.
 fn counts_per_uv() -> f64 {
     1_000.0 * f64::from(1_u16 << GUARD_BITS) / f64::from(LSB_NV)
 }
@@ -242,10 +242,12 @@ fn conditional_mean(covariance: &Matrix, bad: &[usize]) -> Matrix {
     rows
 }
 
-/// The value of a bad electrode, from the index of the step and the value without the fault, uV.
+/// Computes a bad electrode's value in uV. Arguments: the index of the step, the value without the
+/// fault in uV, and a noise source.
 type Fault = fn(usize, f64, &mut Noise) -> f64;
 
-/// A pop of 75 uV excludes no electrode if it lasts one window, and its electrode if it lasts two.
+/// A pop of 75 uV that lasts one window excludes no electrode; a pop that lasts two windows
+/// excludes its electrode.
 #[test]
 fn a_short_pop_excludes_no_electrode() {
     const BAD: usize = 30;
@@ -303,8 +305,9 @@ fn each_fault_is_found_and_the_electrode_returns() {
 
 const TAU: f64 = std::f64::consts::TAU;
 
-/// The typical innovation of this electrode is 24 uV RMS, as over a temporal muscle. 50 times its
-/// energy corresponds to 170 uV RMS, so only the limit of 70 uV excludes noise of 100 uV.
+/// The typical innovation of this electrode is 24 uV RMS, as over a temporal muscle. The relative
+/// limit, 50 times the typical energy, is then 170 uV RMS, so that noise of 100 uV exceeds only the
+/// absolute limit of 70 uV.
 #[test]
 fn an_electrode_with_large_innovations_in_training_is_excluded_for_noise() {
     const BAD: usize = 30;

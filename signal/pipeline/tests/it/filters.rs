@@ -27,7 +27,6 @@ fn worst_telegraph(sections: &[Section]) -> Vec<i32> {
     response.iter().rev().map(|h| rail(*h >= 0.0)).collect()
 }
 
-/// Returns the count at the upper or the lower rail.
 fn rail(upper: bool) -> i32 {
     if upper { Sample::MAX } else { -Sample::MAX - 1 }
 }

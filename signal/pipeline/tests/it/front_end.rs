@@ -1,6 +1,6 @@
-//! The front end at every sampling rate and decimation: comparison with the front end whose sizes
-//! are known only at run time, and with scipy's double-precision filters; aliases of tones above
-//! half of the step rate, and the stated group delay.
+//! The front end at every sampling rate and decimation. The tests compare it with a front end whose
+//! sizes are known only at run time, and with scipy's double-precision filters. They also measure
+//! the aliases of tones above half of the step rate, and the group delay.
 
 use std::f64::consts::PI;
 
@@ -82,7 +82,7 @@ const GOLDEN: &str = include_str!("front_end/scipy_rates.csv");
 
 /// Indices of the outputs that a line of the golden file covers.
 const PICKED: std::ops::Range<usize> = 384..512;
-/// Distance between the indices of two consecutive outputs in a line of the golden file.
+/// A line of the golden file holds only every eighth of the outputs in [`PICKED`].
 const EVERY: usize = 8;
 
 /// Returns 20 mV of offset plus noise of at most 46 uV, as in `scipy_rates.py`.
@@ -129,7 +129,8 @@ const AMPLITUDE: f64 = 2_236_962.0;
 /// Length of a tone, s; the filters settle well before its second half.
 const TONE_S: u32 = 32;
 
-/// Returns the gain from a tone at `hz` to its alias at the step rate.
+/// Returns the gain of the filters and the decimation for a tone at `hz`, measured at the frequency
+/// of the tone's alias in the steps.
 fn alias(front_end: &AtRate, hz: u32) -> f64 {
     let rate = f64::from(front_end.rate_hz);
     #[expect(clippy::cast_possible_truncation, reason = "2.2 million counts")]
@@ -165,8 +166,8 @@ fn aliases_have_the_designed_attenuation() {
         })
     });
     let [literal, fir] = table;
-    // Gains in dB: the stated gains of the paper's literal decimation, and upper limits for
-    // decimation with an anti-aliasing filter.
+    // Gains in dB: for the paper's literal decimation, the expected values; for decimation with an
+    // anti-aliasing filter, upper limits.
     for (found, stated) in literal.into_iter().zip([-7.1, -13.2, -26.4, -53.6]) {
         assert!((found - stated).abs() < 0.1, "{found} instead of {stated}");
     }

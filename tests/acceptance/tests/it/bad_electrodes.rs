@@ -1,4 +1,4 @@
-//! How often the default model excludes electrodes of recordings of people.
+//! Checks how often the default model excludes electrodes in recordings of people.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! The bridge fits a packed model to the signal of a board, and streams with it later.
+//! The bridge fits a packed model to the signal of a board, and later streams with this model.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use crate::inputs;
 /// Time limit for a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(2);
 
-/// Returns everything in the folder of a subject's models, hidden files too.
+/// Returns the paths of all entries in the folder of a subject's models, including hidden ones.
 fn models(folder: &Path, subject: &str) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder.join("data/corticode/models").join(subject));
     let entries = entries.into_iter().flatten();

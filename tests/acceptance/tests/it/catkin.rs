@@ -196,7 +196,7 @@ fn launch(
 }
 
 /// Waits until rostopic, which uses the workspace's message classes, has received 32 NeuroFrames of
-/// `topic`. This takes 2 s, in which the bag also records a status on /diagnostics.
+/// `topic`. This takes 2 s; meanwhile, rosbag also records a status on /diagnostics.
 fn wait_for_frames(workspace: &CatkinWorkspace, ros: &Ros<'_>, folder: &Path, topic: &str) {
     let mut echo = workspace.command(ros, "devel", "rostopic");
     echo.args(["echo", "-n32", topic]);

@@ -24,7 +24,7 @@ const PACKAGE: &str = "CORTICODE_DEB";
 const WAITING: [&str; 3] = [
     "options from /etc/corticode/bridge.toml",
     "no Corticode board is on USB",
-    // The clean Debian has no /etc/hosts.
+    // The clean Debian has no /etc/hosts, so `localhost` does not resolve.
     "the host name localhost of ROS_MASTER_URI does not resolve",
 ];
 /// Paths of files that the package must install.

@@ -8,8 +8,9 @@ use any_model::{Size, any_artifact_with, every_variant};
 use artifact::reconstruction::WindowDecoder;
 use artifact::{Artifact, Mode, NetworkShape, Padding};
 
-/// Main program that the test appends to the program in docs/decoding.md: it decodes the codes in
-/// `z.f32` in the model's folder, its argument, and writes the decoded windows there.
+/// Main program that the test appends to the program in docs/decoding.md. Its argument is the
+/// model's folder. It decodes the codes in that folder's file `z.f32`, and writes the decoded
+/// windows to `windows.f64` in the same folder.
 const MAIN: &str = r#"
 folder = Path(sys.argv[1])
 decoder = Decoder(folder)

@@ -10,7 +10,7 @@ use artifact::{ArtifactError, FloatDecoder, FloatEncoder, Mode};
 /// Number of windows that are compared for each variant of the network.
 const WINDOWS: usize = 2;
 
-/// Largest permitted difference, as a ratio to the largest magnitude. The Rust code adds up to
+/// Largest permitted difference, as a ratio to the largest magnitude. The Rust code sums at most
 /// 10,368 products in f32, each with a relative rounding error of 6e-8. The largest ratio measured
 /// is 1.5e-6.
 const TOLERANCE: f64 = 1e-5;

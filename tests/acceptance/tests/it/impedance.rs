@@ -48,7 +48,8 @@ fn the_impedances_of_a_board_are_shown_as_table_json_and_picture() {
     let text = table.output();
     assert!(text.contains("Pz   open"), "{text}");
     assert!(fs::read_to_string(&picture).expect("a picture").contains("Pz open"));
-    // An existing picture is refused before anything is measured.
+    // If the file of the picture exists, the bridge refuses the command before it measures
+    // anything.
     let mut refused = bridge(folder, "refused", &arguments);
     assert_eq!(refused.wait(SLACK).code(), Some(2), "{}", refused.log());
 

@@ -1,4 +1,5 @@
-//! The live page in a browser: what it shows is what was received, and who it shows it to.
+//! Tests the live page in a browser: the page shows what the bridge has received, and only to those
+//! who may see it.
 
 mod looks;
 mod measured;
@@ -58,12 +59,12 @@ fn the_page_shows_what_was_received_to_those_who_may_see_it() {
     }
     measured::a_drawing_takes_less_than_a_frame(&browser);
     measured::an_hour_is_kept_in_bounded_memory(&browser);
-    // The browser advises against reading pixels, which only this test does.
+    // Discard the browser's advice against reading pixels from a canvas: only this test does that.
     browser.console();
     looks::the_page_looks_right(&browser);
     assert_eq!(browser.console(), Vec::<String>::new());
 
-    // A reload, and a second viewer at the same time.
+    // Reload the page, and open it in a second tab at the same time.
     browser.reload();
     browser.wait_for_text("#state", "streaming");
     let [second, first] = browser.new_tab();
@@ -73,7 +74,7 @@ fn the_page_shows_what_was_received_to_those_who_may_see_it() {
     wait_for("two viewers", || shown.figure("viewers") == Some(2));
     assert_eq!(browser.console(), Vec::<String>::new());
 
-    // A wrong token, and then the right one.
+    // Try a wrong token, and then the right one.
     browser.open("about:blank");
     browser.open(&format!("{}#token=another-token-of-a-test", shown.url()));
     browser.wait_for_text("#state", "the token is missing or wrong");
@@ -100,7 +101,8 @@ fn the_page_shows_what_was_received_to_those_who_may_see_it() {
     let hidden = "return document.getElementById('commands').hidden";
     assert_eq!(browser.run(hidden), false);
 
-    // The bridge starts again with a random token, without which the page may look.
+    // The bridge starts again with a random token, which the page does not have: it shows the
+    // streams, but no commands.
     shown.stop_bridge();
     browser.wait_for_text("#state", "the bridge is lost");
     shown.start_bridge(None, "codes,packed,audit");

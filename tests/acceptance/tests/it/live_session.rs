@@ -21,7 +21,7 @@ const TOKEN: &str = "a-token-of-the-test";
 /// Event code of a marker on `/events/bus` and in files.
 const MARKER: u64 = 0x7f05;
 
-/// Result of a self-test of 64 channels, of which the sixth is too loud.
+/// Result of a self-test of 64 channels, of which the sixth is too noisy.
 fn result() -> SelfTest {
     let chip = ChipTest { id: 0x3E, ..ChipTest::default() };
     let mut channels = [ChannelTest {
@@ -111,7 +111,7 @@ fn a_session_is_recorded_marked_and_tested_from_the_page() {
     wait_for("the controls", || browser.run(disabled) == false);
     assert_eq!(browser.text("#needs"), "");
 
-    // The file grows while it is recorded.
+    // While the bridge records, the file must grow.
     press(&browser, "record");
     browser.wait_for_text("#record", "Stop recording");
     browser.wait_for_text("#answer", "recording to ");
@@ -124,7 +124,7 @@ fn a_session_is_recorded_marked_and_tested_from_the_page() {
         browser.text("#recording").contains(" MB") && browser.text("#left").contains(&*name)
     });
 
-    // A marker is in the list, among the events and in the recording.
+    // A marker must appear in the page's list, among the events and in the recording.
     browser.type_keys("#marker-text", "eyes closed\n");
     browser.wait_for_text("#answer", "marked in the recording and among the events");
     browser.wait_for_text("#markers li span", "eyes closed");
@@ -136,7 +136,7 @@ fn a_session_is_recorded_marked_and_tested_from_the_page() {
     browser.wait_for_text("#markers li span", "eyes open, relaxed");
     draw(&browser, false, "record", "session.webp");
 
-    // The device excludes an electrode, and codes at another rate.
+    // Exclude an electrode by the page's controls, and change the rate of the packed code.
     choose(&browser, "electrode", "Cz");
     press(&browser, "exclude-always");
     browser.wait_for_text("#device-answer", "Cz is excluded from the codes");

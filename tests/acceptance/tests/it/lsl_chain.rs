@@ -22,8 +22,8 @@ const SECONDS: [&str; 2] = ["9", "8"];
 /// Largest permitted error of the time of a frame's first sample, seconds.
 const FIRST_TOLERANCE_S: f64 = 1e-3;
 /// Largest permitted error of any sample's time, and of the offset between the clocks, seconds. The
-/// times of a frame's other samples follow from the measured rate, which is up to 4 % wrong while
-/// the fit of the board's clock settles; that takes long on a busy machine.
+/// times of the samples after the first one of a frame follow from the measured rate, which is up
+/// to 4 % wrong while the fit of the board's clock settles; that takes long on a busy machine.
 const TOLERANCE_S: f64 = 5e-3;
 /// Flag of a sample that replaces a lost one.
 const FILLER: u64 = 0x8000;
@@ -219,7 +219,8 @@ fn every_sample_is_received_at_its_time_also_after_a_restart_of_the_board() {
     stuck.signal(Signal::STOP);
     recorder.wait_until("all streams", SLACK, |recorder| !recorder.output().is_empty());
     assert!(first.wait(SLACK).success(), "{}", first.log());
-    // The second board's clock is fast, and the bridge fills the time between the two boards.
+    // The second board's clock is fast, and the bridge fills the time between the two boards'
+    // streams with fillers.
     let mut second = start(1, &["--clock-ppm=300"]);
     assert!(second.wait(SLACK).success(), "{}", second.log());
     std::thread::sleep(Duration::from_secs(1));

@@ -28,7 +28,8 @@ pub(crate) const SAMPLES: usize = 32;
 /// Time limit for a program to exit after a Unix signal.
 pub(crate) const EXIT_TIMEOUT: Duration = Duration::from_mins(1);
 
-/// EEG that a test publishes as an acquisition: values in uV, sample by sample.
+/// EEG that a test publishes in place of an acquisition system; the values are in uV, sample by
+/// sample.
 #[derive(Clone)]
 pub(crate) struct Eeg {
     pub(crate) rate_hz: usize,
@@ -92,7 +93,7 @@ impl Eeg {
         dequantised_codes(&fs::read(codes).expect("the codes"))
     }
 
-    /// Writes the values to a file, and returns its path.
+    /// Writes the values to a file, as little-endian float32, and returns the file's path.
     pub(crate) fn write_values(&self, folder: &Path) -> PathBuf {
         let path = folder.join("values.f32");
         let bytes: Vec<u8> = self.values.iter().flat_map(|v| v.to_le_bytes()).collect();
@@ -143,7 +144,7 @@ pub(crate) fn start_node(ros: &Ros<'_>, folder: &Path, options: &[&str]) -> Proc
     Process::start("corticode-node", &mut node, folder).expect("corticode-node starts")
 }
 
-/// Subscribes to a topic of `node`, and waits until it is connected.
+/// Subscribes to a topic of `node`, and waits until the subscription is connected.
 pub(crate) async fn subscribe<M: RosMessage>(
     ros: &Ros<'_>,
     topic: &str,

@@ -163,7 +163,8 @@ fn expected(eeg: &Eeg) -> Vec<Vec<f32>> {
 }
 
 fn check_gap(published: &Published, eeg: &Eeg) {
-    // Frames that lack a sample are missing, and meanwhile the filters see the last sample before.
+    // A frame that lacks a sample is missing as a whole. During the missing frames, the last sample
+    // before them remains at the filters' input.
     let (first, end) = (GAP[0] / SAMPLES, GAP[1].div_ceil(SAMPLES));
     let held = eeg.held(first * SAMPLES, end * SAMPLES);
     check_fillers(published, first, end - first, &expected(&held));
@@ -187,9 +188,9 @@ fn check_return(published: &Published, halves: &[Eeg; 2]) {
     let codes = published.codes();
     let (last, newest) = codes[codes.len() - 1];
     let lost = count_fillers(published) - HOPS;
-    // The newest code ends with the last whole frame, so its stamp shows how many samples follow
-    // this frame. In the second half, the node has skipped as many samples as complete these to a
-    // frame.
+    // The newest code ends with the last whole frame of the second half, so its stamp shows how
+    // many samples follow this frame. Each half has a whole number of frames, so these samples and
+    // those that the node has skipped at the start of the second half together fill whole frames.
     let made_s = sent_s(HALF - HOPS * SAMPLES);
     let after = -published.lateness_s(last, made_s) * SENT_HZ;
     println!("return: {lost} frames lost, {after:.2} samples after the last frame");
@@ -197,7 +198,7 @@ fn check_return(published: &Published, halves: &[Eeg; 2]) {
     let samples = HALF + lost * SAMPLES;
     held.values.resize(samples * held.labels.len(), 0.0);
     let held = held.held(HALF, samples);
-    // The node rounds the length of the gap to whole samples; try both directions.
+    // The node rounds the length of the gap to whole samples; try rounding down and rounding up.
     let expected = [after.floor(), after.ceil()].into_iter().find_map(|after| {
         #[expect(clippy::cast_possible_truncation, reason = "some samples")]
         let skipped = -(after as isize);
@@ -211,8 +212,9 @@ fn check_return(published: &Published, halves: &[Eeg; 2]) {
     check_fillers(published, HALF / SAMPLES, lost, &expected);
 }
 
-/// Checks that a code is a filler exactly if its window has one of the `lost` frames from `first`
-/// on, and that all other codes are as `expected`.
+/// Checks that a code is a filler exactly if a missing frame affects its window, and that all other
+/// codes equal those in `expected`. Missing are `lost` frames, the first of which has the index
+/// `first`.
 fn check_fillers(published: &Published, first: usize, lost: usize, expected: &[Vec<f32>]) {
     assert_eq!(published.frames.len(), expected.len(), "{}", published.log);
     // The first step after a gap is computed from all samples since the step before, including

@@ -255,7 +255,8 @@ fn real_recordings_of_three_formats_are_encoded_and_decoded() {
     let text = printed(folder, &arguments);
     let _ = std::io::stdout().write_all(text.as_bytes());
     // Limits of the PRD (RMS error in percent of the signal's RMS) over the measured electrodes, as
-    // multiples of the model's own figure, which was measured on recordings like the EDF file.
+    // multiples of the PRD that the model's training card states. That PRD was measured on
+    // recordings like the EDF file.
     let card = artifact().description.training.prd_percent.expect("figures");
     for (name, ratio) in [("r11.edf", 1.2), ("again.bdf", 1.2), ("paper.gdf", 2.0)] {
         let limit = ratio * card.autoencoder_int8;

@@ -22,7 +22,8 @@ const BLOCKS: usize = 1_800;
 
 const RATE: Rate = PackedEncoder::DEFAULT_RATE;
 
-/// A coded recording: the signals and the bytes of each block, and the encoder's state after it.
+/// A coded recording: for each block, the signals, the bytes, and the encoder's state after the
+/// block.
 struct Coded {
     microvolts: Vec<Vec<f32>>,
     bytes: Vec<Vec<u8>>,
@@ -37,7 +38,8 @@ fn lost_blocks_cost_little_and_the_decoder_says_until_when() {
     let Some(coded) = coded("packed code with loss") else {
         return;
     };
-    // One block is a misfit (the model represents it badly), because an electrode jumps in it.
+    // One block is a misfit (the model represents it badly), because the signal of an electrode
+    // jumps in this block.
     assert!(coded.misfits <= 2, "{} misfits", coded.misfits);
     let model = model();
     let (whole, sound) = error(&model, &coded, |_| false);
@@ -111,8 +113,8 @@ fn a_decoder_that_starts_in_the_middle_of_a_run_heals_as_after_a_loss() {
         .iter()
         .map(|bytes| whole.decode(bytes, RATE).expect("a block").microvolts)
         .collect();
-    // For each number of blocks since the start: the summed errors of a decoder that starts in the
-    // middle, and of a decoder that has decoded the whole run.
+    // Summed errors, by the number of blocks since the late start: those of a decoder that starts
+    // there, and those of a decoder that has decoded the whole run.
     let mut errors = [[0.0; 2]; 20];
     let starts = (70..BLOCKS - 70).step_by(37);
     for start in starts.filter(|block| block % RESET_BLOCKS < 40 && block % RESET_BLOCKS > 0) {
@@ -128,8 +130,9 @@ fn a_decoder_that_starts_in_the_middle_of_a_run_heals_as_after_a_loss() {
     }
     let ratios = errors.map(|[late, whole]| late / whole);
     println!("error after a start in the middle, of that of the whole run: {ratios:.2?}");
-    // The measured ratio of the late decoder's error to the other's is 50 in the first block, 1.15
-    // after eight blocks, then less; after a loss of 1 to 12 blocks it is 1.12 to 1.20.
+    // The measured ratio of the late decoder's error to the error of the decoder of the whole run
+    // is 50 in the first block, 1.15 after eight blocks, and then lower. After a loss of 1 to 12
+    // blocks, the ratio is 1.12 to 1.20.
     assert!(ratios[0] > 10.0, "{ratios:?}");
     let healed = &ratios[HEALING_BLOCKS..];
     assert!(healed.iter().all(|ratio| *ratio < 1.2), "{ratios:?}");

@@ -8,8 +8,8 @@ use model_gen::{IntegerModel, ModelGenError, quantise};
 /// Number of windows that each variant encodes, none of which was used to calibrate it.
 const WINDOWS: usize = 6;
 
-/// Returns the codes of the same windows by the float encoder and, dequantised, by the integer
-/// encoder.
+/// Returns the codes of the same windows twice: as the float encoder computes them, and as the
+/// integer encoder computes them, dequantised.
 fn codes(artifact: &Artifact, model: &IntegerModel, seed: u32) -> (Vec<Vec<f32>>, Vec<Vec<f32>>) {
     let encoder = FloatEncoder::new(artifact).expect("a complete network");
     windows(seed, artifact, WINDOWS)
@@ -59,7 +59,7 @@ fn zeros_in_place_of_the_padding_degrade_the_codes() {
         model.hidden_padding.fill(0);
         let wrong = sqnr_db(&codes(&artifact, &model, 7));
         println!("{padding:?}: {right:.1} dB, with zeros {wrong:.1} dB");
-        // With padding by zeros, the measured SQNR was 26 dB lower than with the right padding.
+        // With padding by zeros, the measured SQNR was 26 dB lower than with the correct padding.
         assert!(wrong < right - 20.0, "{padding:?}: {right:.1}, {wrong:.1}");
     }
 }

@@ -13,7 +13,7 @@ use rustix::thread::{CapabilitySet, capabilities};
 const PRIORITY: u64 = 20;
 
 /// Starts a bridge with `--realtime`, through the command `prefix`. Returns the bridge and the line
-/// of its log that states the outcome.
+/// of its log that reports whether it got real-time scheduling.
 fn start(prefix: &[&str]) -> (Child, String) {
     let bridge = programs().bridge.display().to_string();
     let arguments = ["--realtime", "--sink=ndjson", "--port=tcp:127.0.0.1:9"];
@@ -67,7 +67,8 @@ fn the_thread_with_the_sockets_alone_gets_priority_or_the_log_says_why_not() {
     } else {
         skip_unless_required("real-time priority", "it needs CAP_SYS_NICE and CAP_IPC_LOCK");
     }
-    // Without the two capabilities, root is subject to the limits, as every user is.
+    // Without CAP_SYS_NICE and CAP_IPC_LOCK, root is subject to the resource limits, as every user
+    // is.
     let user = ["setpriv", "--bounding-set=-sys_nice,-ipc_lock"];
     let limits = ["prlimit", "--rtprio=0", "--memlock=65536"];
     let prefix = [&user[..if may { 2 } else { 0 }], &limits].concat();

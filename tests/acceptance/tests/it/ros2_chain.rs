@@ -49,7 +49,8 @@ fn board(folder: &Path, seconds: u64, output: &str) -> Process {
     Process::start("board", &mut command, folder).expect("the board starts")
 }
 
-/// Returns the number behind `key` in the newest status `ros2` of the bridge's lines.
+/// Returns the number under `key` in the newest status `corticode: ros2` of the bridge's JSON
+/// lines.
 fn figure(lines: &str, key: &str) -> Option<u64> {
     let report = messages(lines, "/diagnostics").pop()?;
     let statuses = report["status"].as_array()?;
@@ -94,7 +95,7 @@ fn every_message_reaches_a_subscriber_beside_one_that_stands_still_and_not_anoth
     bridge.wait_until("the first codes", SLACK, |bridge| {
         messages(&bridge.output(), "/encoded").len() > 16
     });
-    // The announcement was published before this subscriber came.
+    // The announcement was published before this subscriber connected.
     let info = "/acquisition/neurodata_info";
     let topic = format!("{info}=ros2neuro_msgs/NeuroFrame");
     let mut late = ros2.subscribe("late", &ros2.domain, true, &[&topic]);
@@ -117,7 +118,7 @@ fn every_message_reaches_a_subscriber_beside_one_that_stands_still_and_not_anoth
         let (topic, _) = topic.split_once('=').expect("a type");
         let sent = messages(&lines, topic);
         let received = messages(&received, topic);
-        // Skip the first reports, which were published before the subscriber came.
+        // Skip the first reports, which were published before the subscriber connected.
         let skipped = if topic == "/diagnostics" { sent.len() - received.len() } else { 0 };
         let sent = &sent[skipped..];
         assert_eq!(received.len(), sent.len(), "messages of {topic}");

@@ -29,16 +29,18 @@ const TOLERANCE_S: f64 = 0.03;
 const CALM: Duration = Duration::from_secs(3);
 /// Duration of the restart of a board and of the interruption of a cable.
 const OUTAGE: Duration = Duration::from_secs(2);
-/// Time for which the bridge stands still after the outage; its subscriber's lease is only 10 s.
+/// Time for which the bridge's process is stopped after the outage. It is longer than the DDS lease
+/// of the bridge's subscriber, which is 10 s.
 const STOP: Duration = Duration::from_secs(11);
-/// Time from the end of this stop to a second one, and duration of the second one, which is shorter
-/// than the time for which the bridge's messages wait.
+/// Time from the end of the first stop of the bridge's process to a second stop, and duration of
+/// the second stop. It is shorter than the time for which the bridge's messages wait.
 const AGAIN: Duration = Duration::from_secs(2);
 /// Longest wait for a program to end or to reach a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
 /// A scenario: a board whose clock is fast by `ppm` parts per million, the percentage of frames
-/// that its cable loses (`None` without a cable), and the limits of the duration of lost samples.
+/// that its cable loses (`None` without a cable), and the smallest and largest permitted total
+/// duration of lost samples.
 struct Scenario {
     name: &'static str,
     ppm: i32,
@@ -51,7 +53,8 @@ const STOPPED: usize = 1;
 const UNPLUGGED: usize = 2;
 const SCENARIOS: [Scenario; 4] = [
     Scenario { name: "restart", ppm: -3_000, cable: None, lost_s: (1.9, 10.0) },
-    // host-sim buffers 4 s of frames for a host that does not read.
+    // host-sim buffers 4 s of frames for a host that does not read, so a shorter time is lost than
+    // the bridge is stopped for.
     Scenario { name: "stop", ppm: 300, cable: None, lost_s: (3.0, 13.0) },
     Scenario { name: "unplugged", ppm: 10_000, cable: Some(0), lost_s: (1.9, 10.0) },
     Scenario { name: "loss", ppm: 0, cable: Some(5), lost_s: (0.3, 5.0) },
@@ -59,7 +62,7 @@ const SCENARIOS: [Scenario; 4] = [
 
 struct Run {
     board: Process,
-    /// `None` if the board has a pseudo-terminal, which outlives the board.
+    /// Cable between board and bridge; `None` if they are connected by a pseudo-terminal.
     cable: Option<LossyCable>,
     bridge: Process,
 }
@@ -125,7 +128,8 @@ fn edges_and_fillers(frames: &[Value]) -> (Vec<f64>, usize) {
     (edges, fillers)
 }
 
-/// Checks that the received messages of a topic equal the sent ones from the first received on.
+/// Checks that the received messages of a topic equal the sent ones, from the first received
+/// message on.
 fn check_received(topic: &str, sent: &[Value], received: &[Value]) {
     assert!(!received.is_empty(), "nothing of {topic}");
     let number = |message: &Value| message["neuroheader"]["seq"].as_u64();

@@ -150,7 +150,8 @@ fn a_restart_of_roscore_loses_no_code() {
     let from_new: Vec<u32> = messages_of(&another).iter().map(|message| message.seq).collect();
     assert!(from_new.windows(2).all(|pair| pair[1] == pair[0] + 1), "gaps: {from_new:?}");
 
-    // The connection from before the restart has carried all codes up to the newest of these.
+    // The first subscriber, which was connected before the restart, must receive all codes up to
+    // the newest one that the new subscriber has received.
     let newest = from_new.last().map(|seq| usize::try_from(*seq));
     chain.wait_for(newest.expect("16 codes").expect("few"));
     assert_contract(&chain.messages());

@@ -12,8 +12,9 @@ const STEPS: usize = 20 * model::STEP_RATE_HZ as usize;
 /// Number of windows that contain any one step.
 #[expect(clippy::cast_precision_loss, reason = "at most 32 steps")]
 const OVERLAP: f64 = model::STEPS as f64 / model::HOP as f64;
-/// Largest permitted error of the decoded EEG (PRD), percent. For seeds 1 to 3 it is 14.2, 14.2 and
-/// 15.2. With one person's model and a drift that reached into the EEG's band, it was 39 to 40.
+/// Largest permitted error of the decoded EEG (PRD), percent. For seeds 1 to 3 the error is 14.2,
+/// 14.2 and 15.2. It was 39 to 40 with a model of one person and with a synthetic drift that
+/// reached into the EEG's band.
 const LIMIT: f64 = 17.0;
 
 #[test]

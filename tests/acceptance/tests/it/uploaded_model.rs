@@ -19,7 +19,7 @@ use pipeline::{Mains, PackedEncoder, Rate};
 
 use crate::inputs::{self, synthetic};
 
-/// Longest run of a board, seconds.
+/// Duration of each board's stream, seconds, unless the test ends it earlier.
 const SECONDS: usize = 6;
 const BLOCKS: usize = SECONDS * STEP_RATE_HZ as usize / HOP;
 /// Topic of the frames that the bridge decodes from blocks.
@@ -38,8 +38,9 @@ fn write_personal(folder: &Path) -> Artifact {
     artifact
 }
 
-/// Returns the frames that the library decodes, without later correction, from the packed blocks of
-/// a board with the model, and the board's dequantised codes if the model has a linear code.
+/// Returns the frames that the library decodes from the packed blocks of a board with the model,
+/// each before the next block improves it. Also returns the board's dequantised codes if the model
+/// has a linear code.
 fn expected(artifact: &Artifact, packed: &PackedModel) -> [Vec<Vec<f32>>; 2] {
     let outbox = Outbox::new(WhenFull::Wait);
     let mut board = VirtualBoard::new(Identity::default(), Mains::Hz50, outbox.clone());

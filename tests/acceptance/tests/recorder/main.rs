@@ -54,7 +54,8 @@ struct Session<'a> {
     board: Process,
     bridge: Process,
     recorder: Process,
-    /// Recorder of the same streams through the Lab Streaming Layer; `None` without pylsl.
+    /// Recorder of the bridge's raw samples and events through the Lab Streaming Layer; `None`
+    /// without pylsl.
     lsl_recorder: Option<Process>,
     /// By how much the clock of each board so far is fast, parts per million.
     ppm: Vec<i32>,

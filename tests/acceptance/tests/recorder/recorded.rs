@@ -82,7 +82,8 @@ impl Recorded {
         let rises = pairs
             .filter(|(_, pair)| *pair == [0, 1])
             .map(|(sample, _)| sample + 1)
-            // The event of an edge in the first frame was published before the recording began.
+            // Skip edges in the first frame: their events were published before the recording
+            // began.
             .filter(|sample| *sample >= FRAME);
         let errors = rises.map(|sample| {
             // The trigger input rose between the sample before and this one.
@@ -111,8 +112,8 @@ impl Recorded {
         }
     }
 
-    /// Returns the range of samples of each of the board's `count` runs, one or two. Between two
-    /// runs, there is the longest series of fillers.
+    /// Returns the range of samples of each of the board's `count` runs, one or two. Two runs are
+    /// separated by the longest series of fillers in the recording.
     pub(crate) fn runs(&self, count: usize) -> Vec<Range<usize>> {
         let all = 0..self.flags.len();
         if count == 1 {

@@ -1,5 +1,5 @@
-//! What a recorder of the Lab Streaming Layer has received in the same session, compared with the
-//! recording of ROS-Neuro's recorder and with the board's clock.
+//! Checks what a recorder of the Lab Streaming Layer has received: compares it with the recording
+//! that ROS-Neuro's recorder made at the same time, and with the board's clock.
 
 use std::path::Path;
 
@@ -39,15 +39,16 @@ impl Streamed {
     }
 
     /// Checks that the samples equal those of `recorded`, that their times are correct by the
-    /// board's clock, and that each marker is at its sample. In each run of the board, whose clock
-    /// is fast by `ppm` parts per million, the samples follow each other at the true rate, also
-    /// across a gap. Returns the largest error of a time after settling, seconds.
+    /// board's clock, and that each marker is at its sample. `ppm` states, for each run of the
+    /// board, by how many parts per million the board's clock is fast; the samples must follow each
+    /// other at this true rate, also across a gap. Returns the largest error of a time after
+    /// settling, seconds.
     pub(crate) fn check(&self, recorded: &Recorded, ppm: &[i32]) -> f64 {
         let (times, recorded) = self.common(recorded);
         for (sample, pair) in times.windows(2).enumerate() {
             assert!(pair[0] < pair[1], "sample {sample}: {pair:?}");
         }
-        // No sample arrives before it is made, and the fastest one needs little time.
+        // No sample arrives before it is made, and the shortest delay is small.
         assert!(
             (-TOLERANCE_S..DELAY_S).contains(&self.least_delay_s),
             "{} s from a sample to its arrival",
@@ -58,14 +59,16 @@ impl Streamed {
         let errors = runs.iter().zip(ppm).map(|(run, ppm)| {
             let period_s = 1.0 / RATE / (1.0 + f64::from(*ppm) * 1e-6);
             let samples = run.clone().filter(|sample| !recorded.is_filler(*sample));
-            // Offsets of the times from a clock with the true rate that starts with the recording.
+            // Offset of each sample's time from a clock that has the true rate and reads 0 at the
+            // first sample of the recording.
             let samples = samples.map(|sample| (sample, times[sample] - sample as f64 * period_s));
             largest_error_s(&samples.collect::<Vec<_>>(), recorded.settled(run))
         });
         errors.fold(0.0, f64::max)
     }
 
-    /// Returns the time of each sample in both recordings, and `recorded` cut to these samples.
+    /// Returns the times of the samples that both recordings have, and `recorded` cut to these
+    /// samples.
     fn common(&self, recorded: &Recorded) -> (Vec<f64>, Recorded) {
         let channels = self.raw.channels;
         let rows: Vec<&[f32]> = self.raw.values.chunks(channels).collect();

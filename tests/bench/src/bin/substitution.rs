@@ -44,7 +44,8 @@ mod image {
         with_clock(count_all)
     }
 
-    /// Replaces bad electrodes in the steps of all inputs. Prints the counts of each input.
+    /// Replaces bad electrodes in the steps of all inputs. Prints the instruction counts of each
+    /// input.
     fn count_all(clock: &Clock) -> Result<(), Refused> {
         hprintln!("state_bytes = {}", size_of::<Substitution>());
         hprintln!("features_bytes = {}", size_of::<FeatureExtractor>());

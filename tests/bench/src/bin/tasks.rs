@@ -45,7 +45,8 @@ mod image {
         ConstStaticCell::new([const { BulkSlot::empty() }; deadlines::BULK_WAITING]);
     static BULK_CHANNEL: StaticCell<Channel<'static, RawMutex, BulkSlot>> = StaticCell::new();
 
-    /// Converter whose frames the compiler cannot predict, and so cannot optimise away any path.
+    /// Converter whose frames the compiler cannot predict, so that it cannot optimise any path
+    /// away.
     struct Unknown {
         decoder: Decoder<CHIPS>,
         counts: [[i32; CHANNELS]; CHIPS],

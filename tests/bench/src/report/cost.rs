@@ -1,5 +1,6 @@
-//! Cost of a model on microcontrollers: instructions of its encoder on the emulated ones, flash and
-//! RAM of the boards' images. The codes are compared with model-gen's batch reference.
+//! Cost of a model on microcontrollers: instructions of its encoder on emulated microcontrollers,
+//! flash and RAM of the boards' images. The encoder's codes are compared with those of model-gen's
+//! batch reference.
 
 mod boards;
 mod reference;
@@ -98,8 +99,8 @@ fn described(name: &str, artifact: &Artifact) -> Map<String, Json> {
     object.as_object().cloned().unwrap_or_default()
 }
 
-/// Builds images, which fails if a path from sample to code panics or allocates. Returns the flash
-/// that acquisition and encoder take, in bytes.
+/// Builds the images `size` and `tasks`, and checks that no path through acquisition and encoder
+/// panics or allocates. Returns the flash that acquisition and encoder take, in bytes.
 ///
 /// # Errors
 /// A path panics or allocates.

@@ -59,8 +59,8 @@ pub(crate) struct Expected {
 }
 
 impl Expected {
-    /// Creates the files from the `cells` of all inputs, each of `steps` time steps, and the
-    /// expected `codes`, each of `code_bytes` bytes.
+    /// Creates the input file from the `cells` of all inputs, which have `steps` time steps each.
+    /// Stores the expected `codes`, which have `code_bytes` bytes each.
     pub(crate) fn new(
         steps: usize,
         cells: impl Iterator<Item = i8>,

@@ -140,8 +140,8 @@ mod tests {
     use super::*;
 
     impl Report {
-        /// Returns the sentences about figures beyond their limits. Asserts that `outcome` and
-        /// `object` agree.
+        /// Returns the faults, one sentence each. Asserts first that `outcome` and `object` agree
+        /// with them.
         pub(crate) fn faults(&self) -> &[String] {
             assert_eq!(self.outcome().is_err(), !self.faults.is_empty());
             assert_eq!(self.object["faults"], json!(self.faults));

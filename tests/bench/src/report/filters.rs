@@ -51,7 +51,8 @@ struct Contender {
     most: f64,
     /// Whether the number of instructions is the same for every input.
     constant: bool,
-    /// Number of output blocks with any bit that differs from the same contender on this PC.
+    /// Number of output blocks that differ in any bit from the output of the same contender on this
+    /// PC.
     different_blocks: usize,
 }
 
@@ -130,7 +131,8 @@ fn report(inputs: &Inputs<Block>, machines: &[Counts], noise: &Noise) -> anyhow:
     let peer = peer.map(|each| each.fewest).fold(f64::INFINITY, f64::min);
     let mut all_ours = all().filter(|each| each.name.starts_with("ours"));
     let figures = json!({
-        // Largest count of our filters over all inputs and both machines, four samples at a time.
+        // Largest instruction count of our filters, four samples at a time, over all inputs and
+        // both machines.
         "insn_per_sample_channel": most,
         // Noise of our filters from 0.5 to 60 Hz; the signal is electrode offset, mains and EEG.
         "noise_nv_rms": noise.ours.eeg,

@@ -1,4 +1,5 @@
-//! Runs images, reads the counts that they print, and reads what they load into flash.
+//! Runs images, reads the figures that they print, and measures how many bytes they load into
+//! flash.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -52,7 +53,8 @@ pub(crate) fn run<T: DeserializeOwned>(
     Ok((counts?, output))
 }
 
-/// Returns an input file: first the number of time steps of each input, then `bytes`, all inputs.
+/// Returns an input file: first the number of time steps, which is the same for every input, then
+/// `bytes`, the steps of all inputs.
 pub(crate) fn with_steps(steps: usize, bytes: impl Iterator<Item = u8>) -> Vec<u8> {
     let steps = u32::try_from(steps).unwrap_or(u32::MAX).to_le_bytes();
     steps.into_iter().chain(bytes).collect()

@@ -24,7 +24,8 @@ const RESAMPLED: &str = "derived/s001r04_61ch_512hz_i16.gdf";
 /// used in training.
 const HELD_OUT: &str = "eegmmidb_S001/S001R11.edf";
 
-/// Time steps left out at the start of the packed encoder's inputs: 10 s, in which filters settle.
+/// Number of time steps left out at the start of the packed encoder's inputs: 10 s, in which
+/// filters settle.
 const SETTLING_STEPS: usize = 1_280;
 
 /// Error message if a recording of real EEG cannot be read.
@@ -127,7 +128,7 @@ fn with_noise(sample: &Sample, noise_uv: f64, random: &mut ChaCha8Rng) -> Sample
     Sample { counts }
 }
 
-/// Returns the inputs of the encoder, which have at least `windows` windows together.
+/// Returns the encoder's inputs. Together they contain at least `windows` windows.
 ///
 /// # Errors
 /// `CORTICODE_DATA` is set, and its recording cannot be read or is too short.
@@ -251,7 +252,7 @@ fn eight_noisy(
     samples: impl Iterator<Item = Sample>,
     mut random: ChaCha8Rng,
 ) -> impl Iterator<Item = Sample> {
-    // The rms of a uniform distribution is its largest value over the root of 3.
+    // The rms of a uniform distribution is its largest value divided by the square root of 3.
     let largest = counts(100.0 * 3_f32.sqrt());
     samples.map(move |mut sample| {
         for count in sample.counts.iter_mut().take(8) {

@@ -46,7 +46,8 @@ const STRAGGLERS: Duration = Duration::from_secs(10);
 /// Priority of the threads that send and receive, under `SCHED_FIFO`: higher than the priority of
 /// the bridge with `--realtime`.
 const PRIORITY: u8 = 30;
-/// Last part of a wait, in which the thread spins, because a sleep can end this much too late.
+/// Length of the last part of a wait. In this part the thread spins, because a sleep can end this
+/// much too late.
 const BUSY: Duration = Duration::from_millis(2);
 
 /// Folder that contains the programs to be measured.
@@ -201,7 +202,8 @@ fn run_before_others() {
     };
     let (thread, priority) = (thread_native_id(), ThreadPriority::Crossplatform(priority));
     let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
-    // Without permission, the figures of both nodes include the jitter of the measurement.
+    // Without permission for real-time priority, the figures of both nodes include the jitter of
+    // the measurement.
     let _ = set_thread_priority_and_policy(thread, priority, fifo);
 }
 

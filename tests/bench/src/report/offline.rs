@@ -46,8 +46,8 @@ struct Round {
     torch: Option<Answer>,
 }
 
-/// Times our programs and Python's alternately on `seconds` of synthetic EEG, and computes the
-/// errors of both decoded signals.
+/// Times our programs and the Python script alternately on `seconds` of synthetic EEG, and computes
+/// the errors of both decoded signals.
 ///
 /// # Errors
 /// A contender does not run.

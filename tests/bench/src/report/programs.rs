@@ -69,7 +69,7 @@ impl Python {
 /// Runs a command with `input` on its stdin, and parses its output as JSON.
 fn answer<T: DeserializeOwned>(command: &mut Command, input: &[u8]) -> anyhow::Result<T> {
     let mut process = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
-    // The statement drops the pipe at its end, which ends the command's input.
+    // This statement drops the pipe when it ends, which closes the command's input.
     let written = process.stdin.take().map(|mut stdin| stdin.write_all(input));
     let output = process.wait_with_output()?;
     ensure!(output.status.success(), "{}", output.status);

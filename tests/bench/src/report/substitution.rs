@@ -1,5 +1,5 @@
-//! The benchmark `substitution`: counts the instructions of finding and replacing bad electrodes,
-//! and compares the resulting steps with the PC's.
+//! The benchmark `substitution`: counts the instructions that it takes to find and replace bad
+//! electrodes, and compares the resulting steps with the PC's.
 
 use any_model::any_artifact;
 use anyhow::Context;
@@ -46,11 +46,11 @@ struct Row {
     insn_fewest_step: u32,
     insn_worst_step: u32,
     insn_worst_sample: u32,
-    /// Mean number of instructions of the feature extraction in a hop; in the next field, the
-    /// fewest and the most in a step.
+    /// Mean number of instructions of the feature extraction in a hop. The next field holds the
+    /// fewest and the most instructions in a step.
     insn_features_hop: u64,
     insn_features_step: [u32; 2],
-    /// Electrodes that are excluded in the last step.
+    /// Number of electrodes that are excluded in the last step.
     excluded: u32,
 }
 

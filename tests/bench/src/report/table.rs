@@ -1,9 +1,9 @@
-//! Shows JSON values as tables on the terminal.
+//! Formats JSON values as tables for the terminal.
 
 use serde_json::Value as Json;
 
-/// Fields that can label an array's element in a table. The first one that the element has is its
-/// label.
+/// Fields that can label an array's element in a table. The label is the first of these fields that
+/// the element has.
 const LABELS: [&str; 2] = ["name", "machine"];
 
 /// Returns rows of cells as text under a title. The first column is aligned left, all others right.

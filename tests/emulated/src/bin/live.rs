@@ -27,8 +27,8 @@ fn main() -> ExitCode {
     ExitCode::from(if missing { 2 } else { 1 })
 }
 
-/// Replaces this process by QEMU, which runs until Ctrl-C. The folder holds no file of samples, so
-/// the image generates synthetic EEG.
+/// Replaces this process with QEMU, which runs until Ctrl-C. The folder holds no file of samples,
+/// so the image generates synthetic EEG.
 fn run(port: u16) -> Result<Infallible, Box<dyn Error>> {
     installed::check()?;
     let [cortex_m4f, _] = MACHINES;

@@ -30,8 +30,8 @@ fn all_streams_of_the_packed_code_at_once_equal_host_sims() {
     stream("start-packed", "packed_streams", Streams::ALL.without(network));
 }
 
-/// Runs the boards with `argument`, with which the image starts the streams `streams`, and checks
-/// what they send. Records the figures as `name`.
+/// Runs the boards with `argument`, which makes the image start the streams `streams`, and checks
+/// what the boards send. Records the figures as `name`.
 fn stream(argument: &str, name: &str, streams: Streams) {
     let input = Input::from_environment();
     let skip = input.samples.len().saturating_sub(SAMPLES) / 2;
@@ -94,9 +94,9 @@ fn stream(argument: &str, name: &str, streams: Streams) {
     }
 }
 
-/// Returns the messages in `sent` with output of the pipeline: kind, microseconds after the first
-/// such message, and bytes from [`frames::encoded`]. Leaves out events, because host-sim has no
-/// trigger here.
+/// Returns the messages in `sent` that carry outputs of the pipeline, each as kind, microseconds
+/// after the first such message, and bytes from [`frames::encoded`]. Leaves out events, because
+/// host-sim has no trigger here.
 fn outputs(sent: &[u8]) -> Vec<(&'static str, u64, Vec<u8>)> {
     let mut first_us = None;
     frames::filter_map(sent, |header, message| {
@@ -162,7 +162,7 @@ fn first_different_stats(found: &[Stats], expected: &[Stats]) -> Option<String> 
     first_difference(expected, &found)
 }
 
-/// Returns the events in `sent`, each after its device time in microseconds.
+/// Returns the events in `sent`, each with its device time in microseconds.
 fn events(sent: &[u8]) -> Vec<(u64, Event)> {
     frames::filter_map(sent, |header, message| match message {
         ToHost::Event(event) => Some((header.device_time_us, event)),
@@ -229,7 +229,7 @@ impl Edges {
         Self { at_us, bursts }
     }
 
-    /// Returns the events that a board must send if its first DRDY was at `origin_us`, each after
+    /// Returns the events that a board must send if its first DRDY was at `origin_us`, each with
     /// its device time in microseconds.
     ///
     /// An event belongs to the first sample whose DRDY is at or after the edge. Rounding does not
@@ -248,9 +248,9 @@ impl Edges {
         events.collect()
     }
 
-    /// Returns whether a board may lack the events of the edges `lost`, indices in `at_us`: at
-    /// least one event of each burst, at most as many as overflow the board's queue, and no other
-    /// event.
+    /// Returns whether a board may lose exactly the events of the edges `lost` (indices in
+    /// `at_us`): at least one event of each burst, no more events than overflow the board's queue,
+    /// and no event outside the bursts.
     fn may_lack(&self, lost: &[usize]) -> bool {
         let in_burst = |first: &usize| {
             let burst = *first..first + BURST_EDGES;

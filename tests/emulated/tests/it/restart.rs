@@ -14,8 +14,8 @@ const SECONDS: usize = 3;
 /// Time from an accepted `Reset` command to the reset, microseconds, in which the board sends its
 /// waiting frames.
 const DRAIN_US: u64 = 100_000;
-/// Largest delay of the reset beyond [`DRAIN_US`], microseconds: the next alarm of the board's
-/// clock.
+/// Largest delay of the reset beyond [`DRAIN_US`], microseconds: the time until the next alarm of
+/// the board's clock.
 const ALARM_US: u64 = 5_000;
 
 /// Host time in the command `SyncTime`, microseconds; the board must return it unchanged.
@@ -58,7 +58,7 @@ fn each_run_starts_at_window_0_and_refused_commands_change_nothing() {
         let answers: Vec<Ack> = boots.iter().flat_map(|boot| boot.acks.clone()).collect();
         let codes = boots.iter().flat_map(Boot::codes);
         let windows: Vec<u32> = codes.map(|code| code.window).collect();
-        // Windows of a run are consecutive, so a missing window shows as an additional run.
+        // Windows of a run are consecutive, so a missing window would split its run into two.
         let runs: Vec<&[u32]> = windows.chunk_by(|before, after| before + 1 == *after).collect();
         let codes: Vec<usize> = runs.iter().map(|run| run.len()).collect();
         board.record(&json!({"restart": {"codes": codes, "answers": answers.len()}}));

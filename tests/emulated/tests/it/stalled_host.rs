@@ -16,8 +16,8 @@ use link::Streams;
 use rustix::pipe::fcntl_setpipe_size;
 use serde_json::json;
 
-/// The host reads nothing in the first of this many equal parts of the run, at least 10 s. Pipe and
-/// queue are full after 3 s, and the board must drop frames.
+/// Number of equal parts of the run. The host reads nothing during the first part, which is at
+/// least 10 s long. Pipe and queue are full after 3 s, so the board must drop frames.
 const STALLED_PART: usize = 3;
 
 /// Interval at which the reader checks whether it may start to read from the pipe.
@@ -32,8 +32,8 @@ fn a_board_drops_whole_frames_and_counts_them_while_its_host_does_not_read() {
     let input = Input::from_environment();
     let expected = Boot::only(&frames::simulated(Streams::CODES, &input.samples)).codes();
     for board in boards("stalled-host", &input.samples) {
-        // Pass the samples through a pipe: the number of samples that the board has read shows its
-        // virtual time.
+        // Pass the samples through a pipe: the number of samples that the board has read indicates
+        // its virtual time.
         let taken = Arc::new(AtomicUsize::new(0));
         let counter = Arc::clone(&taken);
         let samples = input.samples.clone().into_iter().map(move |sample| {
@@ -66,8 +66,8 @@ fn a_board_drops_whole_frames_and_counts_them_while_its_host_does_not_read() {
     }
 }
 
-/// Runs the image to its end and returns the bytes from its UART, which are read only once
-/// `may_read` returns true.
+/// Runs the image to its end and returns the bytes from its UART. No byte is read before `may_read`
+/// returns true.
 fn run(board: &Board, may_read: impl Fn() -> bool + Sync) -> Vec<u8> {
     let path = board.folder.join("uart.out");
     or_panic(pipes::create(&board.folder.join("uart.in")));

@@ -1,5 +1,5 @@
-//! Scenario without disturbance: a board sends host-sim's codes, and sends them again in a second
-//! run.
+//! Scenario without disturbance: a board sends the same codes as host-sim, and the same codes again
+//! in a second run.
 
 use emulated::board::boards;
 use emulated::compare::{count_differences, first_difference};
@@ -33,9 +33,9 @@ fn codes_are_host_sims_and_a_second_run_repeats_them() {
             "different_codes": count_differences(&expected.codes(), &boot.codes()),
             "different_reports": count_differences(&expected.quality, &boot.quality),
             "repeatable": difference.is_none() && first.lines == second.lines,
-            // False if measured times differ between the two runs, as they do on a busy PC. The
-            // presumed reason, not verified: QEMU's main loop is a separate thread, so an interrupt
-            // of the UART occurs some instructions earlier or later.
+            // `times_repeat` is false if measured times differ between the two runs, as they do on
+            // a busy PC. The presumed reason, not verified: QEMU's main loop is a separate thread,
+            // so an interrupt of the UART occurs some instructions earlier or later.
             "times_repeat": first.sent == second.sent,
             "samples": first.printed("samples"),
             "overruns": first.overruns(&boot).max(second.printed("overruns")),

@@ -37,7 +37,7 @@ pub(super) struct Supply {
     pub(super) kernel_hz: Option<u64>,
 }
 
-/// Values last written to the registers that do not belong to one endpoint.
+/// Values last written to the registers that belong to no endpoint.
 #[derive(Clone, Debug, Default)]
 struct Registers {
     gotgctl: u32,

@@ -203,7 +203,8 @@ impl InEndpoint {
         self.registers.has(epctl::STALL) || (!self.registers.has(epctl::NAKSTS) && self.is_loaded())
     }
 
-    /// Returns the response to an IN token; a packet counts as acknowledged by the host.
+    /// Returns the response to an IN token. If the response is a packet, the host counts as having
+    /// acknowledged it.
     pub(super) fn on_in_token(&mut self) -> Input {
         if self.registers.has(epctl::STALL) {
             return Input::Stall;
@@ -264,7 +265,7 @@ impl Endpoint {
         done
     }
 
-    /// Ends the transfer, once software has read its completion status from the receive FIFO.
+    /// Ends the transfer after software has read its completion status from the receive FIFO.
     pub(super) fn complete(&mut self) {
         self.set(epctl::EPENA, false);
         self.flags |= epint::XFRC;

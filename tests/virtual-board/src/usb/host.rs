@@ -114,7 +114,7 @@ pub enum Command {
     Suspend(bool),
     /// Reset the bus and enumerate the device again; this closes the serial port.
     ResetBus,
-    /// Send bytes once the serial port is open; discard them if no device is configured.
+    /// Send bytes as soon as the serial port is open; discard them if no device is configured.
     Send(Vec<u8>),
 }
 

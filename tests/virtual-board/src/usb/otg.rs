@@ -124,8 +124,8 @@ impl ErasedDevice for Registers {
     }
 }
 
-/// The emulator's device for its own peripheral of the core, which only receives the core's clock
-/// and reset line.
+/// Model of the emulator's own peripheral for the core; it only receives the core's clock and reset
+/// line.
 #[derive(Debug)]
 struct ClockAndReset<L> {
     link: Shared,
@@ -174,7 +174,8 @@ impl Otg {
     ///
     /// # Errors
     ///
-    /// The emulator's part lacks [`Instance::global`], or the addresses of the window are in use.
+    /// The emulator's part lacks [`Instance::global`], or another device already uses an address in
+    /// the core's address window.
     pub(crate) fn new<L: Layout + Send + 'static>(
         instance: &'static Instance,
         host: &UsbHost,

@@ -83,7 +83,7 @@ pub(crate) fn bridge_cannot_calibrate(subject: Subject) -> Result<(), BoardError
     let mut board = running(subject)?;
     let output = concat!(env!("CARGO_TARGET_TMPDIR"), "/never");
     let arguments = ["calibrate", "--subject=ada", "--output", output];
-    // If the bridge listened, it would run for longer than [`TIMEOUT_S`] and have no exit status.
+    // If the bridge read EEG, it would run for longer than [`TIMEOUT_S`] and have no exit status.
     let (_, status) = bridge(&mut board, &arguments, |_| false)?;
     assert_eq!(status, Some(4));
     assert_sound(&mut board)
@@ -122,7 +122,7 @@ pub(crate) fn bridge_delivers_codes(subject: Subject) -> Result<(), BoardError> 
         if status == Some(0) {
             break;
         }
-        // Wait until the self-test has ended: before, the device refuses another one.
+        // Wait until the self-test has ended; the device refuses another one before that.
         board.run_for_us(self_test_us(subject))?;
     }
     assert_eq!(status, Some(0), "{table}");

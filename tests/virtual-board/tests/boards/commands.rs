@@ -90,7 +90,7 @@ const IMPEDANCES_US: u64 = 4_500_000;
 
 /// Five standard deviations of the error, in ohms, that the noise of the synthetic signals causes
 /// in a measured impedance. The noise of 74 counts is 1.65 uV RMS, ten times a converter's. The
-/// measurement reduces it to `sqrt(2 / 512)` of that, and 7.64 uV correspond to 1 kOhm.
+/// measurement multiplies this noise by `sqrt(2 / 512)`, and 7.64 uV correspond to 1 kOhm.
 const NOISE_OHMS: f64 = 70.0;
 
 /// Scenario: a board refuses to start a boot loader that no host can reach.
@@ -167,15 +167,15 @@ pub(crate) fn assert_idle_board_answers_at_once(
     Ok(())
 }
 
-/// Sends a command and waits at most `limit_us` for its acknowledgement.
+/// Sends a `Ping` and waits at most `limit_us` for its acknowledgement.
 pub(crate) fn ping(board: &mut VirtualBoard, limit_us: u64) -> Result<(), BoardError> {
     let before = acks(board.inbox().frames());
     board.send(&ToDevice::Ping);
     board.run_until("an answer", limit_us, |frames| acks(frames) > before)
 }
 
-/// Returns the longest wait for the result of a self-test, in us. A self-test takes 2.5 s and 1,000
-/// samples (docs/bring-up.md).
+/// Returns the longest wait for the result of a self-test, in us. A self-test takes 2.5 s plus the
+/// duration of 1,000 samples (docs/bring-up.md).
 pub(crate) fn self_test_us(subject: Subject) -> u64 {
     4_000_000 + 1_000_000_000 / u64::from(subject.converters().rate_hz)
 }

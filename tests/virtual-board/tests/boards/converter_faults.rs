@@ -10,7 +10,8 @@ use crate::session::{
     assert_sound, converters, pick, power_on, run_codes, running_with, start, streaming,
 };
 
-/// Returns the index of the chip that gets the fault; any chip but 0 would do, if there is another.
+/// Returns the index of the chip that gets the fault. If the board has several chips, any but chip
+/// 0 would do.
 fn chip(subject: Subject) -> usize {
     subject.converters().chips * 2 / 3
 }
@@ -42,8 +43,8 @@ fn inject_fault(subject: Subject, fault: Fault) -> Result<Vec<usize>, BoardError
     assert!(flags(&board).iter().all(|flags| !flags.contains(bad)));
     board.converters().inject(chip(subject), fault);
     run_codes(&mut board, A_STATUS)?;
-    // All windows that end after the fault contain it, so code 8 or 9 must be the first that has
-    // the flag.
+    // Every window that ends after the fault began contains bad samples, so the first code with the
+    // flag must be code 8 or 9.
     let flags = flags(&board).into_iter();
     let flagged: Vec<bool> = flags.map(|flags| flags.contains(bad)).collect();
     let first = flagged.iter().position(|&bad| bad);
@@ -77,8 +78,8 @@ pub(crate) fn a_shifted_bit_is_reported(subject: Subject) -> Result<(), BoardErr
     Ok(())
 }
 
-/// Scenario: while DRDY is stuck, codes continue with a flag, and the device counts bad frames of
-/// all chips. Once DRDY works again, codes have no flag.
+/// Scenario: while DRDY is stuck, codes continue with the flag `ADC_STATUS_BAD`, and the device
+/// counts bad frames of all chips. After DRDY works again, codes no longer have the flag.
 pub(crate) fn a_silent_drdy_is_flagged(subject: Subject) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 8)?;

@@ -13,7 +13,7 @@ use virtual_board::{Cable, Converters, Image, Model, Setup};
 pub(crate) struct Subject {
     pub(crate) model: Model,
     pub(crate) cable: Cable,
-    /// Name of the image in figures and environment variables.
+    /// Name of the image in the recorded measurements and in names of environment variables.
     pub(crate) key: &'static str,
     /// Whether the image has another model than the built-in one.
     has_own_model: bool,
@@ -24,7 +24,7 @@ impl Subject {
         Self { model, cable, key, has_own_model: false }
     }
 
-    /// Returns the image with another model than the built-in one.
+    /// Marks the image as built with another model than the built-in one, and returns it.
     pub(crate) const fn with_own_model(self) -> Self {
         Self { has_own_model: true, ..self }
     }

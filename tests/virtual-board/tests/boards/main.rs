@@ -51,7 +51,8 @@ const CYTON_16: Subject = Subject::new(Model::H743, Cable::Usb, "cyton-16").with
 const TEN_TWENTY_32: Subject =
     Subject::new(Model::H743, Cable::Usb, "ten-twenty-32").with_own_model();
 
-/// Defines a test of the image `$subject` for each scenario, a function that takes a [`Subject`].
+/// Defines a test of the image `$subject` for each scenario. A scenario is a function that takes a
+/// [`Subject`].
 macro_rules! scenarios {
     ($subject:ident: $($room:ident: $($scenario:ident)+;)*) => {
         $($(#[test]
@@ -61,7 +62,7 @@ macro_rules! scenarios {
     };
 }
 
-/// Defines the tests that every image with the network has, for one such image.
+/// Defines, for one image, the tests that all images with the network have.
 macro_rules! every_image {
     ($subject:ident) => {
         scenarios! {

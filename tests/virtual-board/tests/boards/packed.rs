@@ -31,8 +31,8 @@ const FILTERS: ToDevice<'_> = ToDevice::SetFeatures(FeatureFilters {
     },
 });
 
-/// Scenario: packed blocks at a rate that the host chooses and with substituted electrodes,
-/// features, and the audited planes equal host-sim's bit for bit, and nothing is late or lost.
+/// Scenario: packed blocks, features and audited planes equal host-sim's bit for bit, and nothing
+/// is late or lost. The host chooses the rate of the blocks, and electrodes are substituted.
 pub(crate) fn packed_blocks_equal_those_of_host_sim(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let streams = Streams::PACKED | Streams::AUDIT | Streams::FEATURES;
@@ -66,8 +66,8 @@ pub(crate) fn everything_at_once_is_in_time(subject: Subject) -> Result<(), Boar
 }
 
 /// Scenario: an image without the network and without memory for an uploaded model refuses to
-/// stream codes and to take a model. It audits windows without codes, and meets all deadlines while
-/// all other streams run.
+/// stream codes and to accept a model. Its audits contain no code. It meets all deadlines while all
+/// other streams run.
 pub(crate) fn codes_and_uploads_are_refused(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let [begin, ..] = upload().1[..] else { panic!("no announcement") };

@@ -16,7 +16,7 @@ use crate::session::{answer, assert_sound, in_time, run_codes, running, start, w
 /// Number of codes to compare, three seconds.
 const CODES: usize = 48;
 
-/// Mains frequency of the filters with which a device starts, Hz.
+/// Mains frequency, in Hz, that a device's filters suppress after start-up.
 const MAINS_HZ: u32 = 50;
 
 /// Scenario: the codes of an image with its own model equal the batch reference's bit for bit, they
@@ -62,7 +62,7 @@ pub(crate) fn codes_equal_those_of_the_reference(subject: Subject) -> Result<(),
     assert_sound(&mut board)
 }
 
-/// Returns the levels of a code's values.
+/// Decodes a received code and returns its quantised values (levels).
 fn levels(code: &ReceivedCode) -> Vec<i32> {
     let mut decoder = Decoder::<MAX_FRAME>::new();
     let frame = decoder.next::<ToHost<'_>>(&mut &code.bytes[..]);
@@ -72,7 +72,8 @@ fn levels(code: &ReceivedCode) -> Vec<i32> {
     }
 }
 
-/// Returns the levels of the first `codes` codes of a run that starts with sample number `first`.
+/// Returns the levels that the batch reference computes for the first `codes` codes of a stream
+/// that starts with sample number `first`.
 fn expected(model: &DeviceModel, first: u64, codes: usize) -> Vec<Vec<i32>> {
     let description = &model.description;
     let dimensions = description.dimensions();

@@ -62,8 +62,8 @@ pub(crate) fn answer(
     Ok(newest.expect("an answer"))
 }
 
-/// Asserts that the board has lost nothing and that no stage has missed its deadline. Returns the
-/// newest report of the stages' times.
+/// Asserts that the board has lost nothing and that no processing stage has missed its deadline.
+/// Returns the newest report of the stages' execution times.
 pub(crate) fn in_time(board: &VirtualBoard) -> link::Timing {
     let mut newest = None;
     for frame in board.inbox().frames() {
@@ -115,8 +115,8 @@ pub(crate) fn run_codes(board: &mut VirtualBoard, codes: usize) -> Result<(), Bo
     run_frames(board, codes, 62_500, |frames| count(frames) - before)
 }
 
-/// Runs until `count` returns at least `frames` for the frames received so far. Fails if frames
-/// come clearly later than one every `interval_us`.
+/// Runs until `count` returns at least `frames` for the frames received so far. Fails after
+/// `frames` intervals of `interval_us`, plus 300 ms.
 pub(crate) fn run_frames(
     board: &mut VirtualBoard,
     frames: usize,

@@ -79,8 +79,8 @@ pub(crate) fn assert_substituted(codes: &[ReceivedCode]) {
     assert!(codes.iter().all(is_substituted));
 }
 
-/// Returns the frames that host-sim sends after `commands` and a `Start` of `streams`, for
-/// `samples` samples, the first of which has the number `first`.
+/// Returns the frames that host-sim sends when it receives `commands` and a `Start` of `streams`
+/// and then processes `samples` samples. `first` is the number of the first of these samples.
 fn simulated(streams: Streams, commands: &[ToDevice<'_>], first: u64, samples: u64) -> Inbox {
     let outbox = Outbox::new(WhenFull::Wait);
     let mut board = Simulator::new(Identity::default(), Mains::default(), outbox.clone());

@@ -45,8 +45,9 @@ pub(crate) fn starts_up(subject: Subject) -> Result<(), BoardError> {
     // The ironbci has a crystal, the other boards the ST-LINK's clock.
     let has_clock = subject.model != Model::Ironbci;
     assert_eq!(board.hse_is_bypassed()?, has_clock, "HSEBYP");
-    // SCLK is 100 kHz for registers and 12.8 MHz for samples on the STM32H743, 82 kHz and 10.5 MHz
-    // on the others (docs/hardware.md). The converters run, so SCLK must be set for samples.
+    // On the STM32H743, SCLK is 100 kHz to access registers and 12.8 MHz to read samples; on the
+    // others, 82 kHz and 10.5 MHz (docs/hardware.md). The converters run, so SCLK must have the
+    // frequency for samples.
     let burst_hz = board.sclk_hz();
     assert!((10_000_000..=20_000_000).contains(&burst_hz), "SCLK of {burst_hz} Hz");
     if let Some(baud) = board.port().baud() {
@@ -78,9 +79,9 @@ pub(crate) fn starts_up_without_the_clock(subject: Subject) -> Result<(), BoardE
     assert_no_findings(&mut board)
 }
 
-/// Scenario: the STM32H743 runs from the frequencies that an ST-LINK can supply, 8.33 MHz and 8 MHz
-/// with an error of 0.3 %. That error is beyond USB's tolerance, but it flags no sample: the status
-/// reports the measured rate.
+/// Scenario: the STM32H743 runs from the two clocks that an ST-LINK can supply: 8.33 MHz, and 8 MHz
+/// with an error of 0.3 %. This error is beyond USB's tolerance, but the device must flag no sample
+/// because of it; the status reports the measured rate.
 pub(crate) fn runs_from_the_clocks_of_an_st_link(subject: Subject) -> Result<(), BoardError> {
     let (clock_hz, core_hz) = match subject.cable {
         Cable::Usb => (8_333_333, 480_000_000),
@@ -96,7 +97,8 @@ pub(crate) fn runs_from_the_clocks_of_an_st_link(subject: Subject) -> Result<(),
     for (_, code) in board.inbox().codes() {
         assert!(!code.flags.contains(Flags::ADC_STATUS_BAD));
     }
-    // The second of a slow device is longer, so the device counts more samples in it.
+    // If the device's clock is slow, the device's second is longer, so the device counts more
+    // samples per second.
     let rate = |kind: &Kind| match kind {
         Kind::Converters(converters) => Some(converters.drdy_millihertz),
         _ => None,
@@ -116,7 +118,8 @@ fn assert_core_runs_at(board: &mut VirtualBoard, hz: u64) -> Result<(), BoardErr
     Ok(())
 }
 
-/// Scenario: a clock that the board does not know is refused.
+/// Scenario: the board reports an external clock whose frequency it does not know, and its core
+/// runs at the usual frequency.
 pub(crate) fn refuses_an_unknown_clock(subject: Subject) -> Result<(), BoardError> {
     let setup = Setup { clock_hz: 12_000_000, ..subject.setup() };
     let mut board = running_with(subject, &setup)?;
@@ -200,7 +203,8 @@ fn port_interrupts(subject: Subject) -> &'static [Wanted] {
 }
 
 /// Asserts that every interrupt of the firmware has the priority that `firmware::deadlines`
-/// defines, and that no other interrupt that can occur is as urgent as the acquire task, or more.
+/// defines, and that no other interrupt that can occur is as urgent as the acquire task or more
+/// urgent.
 fn assert_interrupts_have_their_priorities(
     board: &mut VirtualBoard,
     subject: Subject,
@@ -221,10 +225,10 @@ fn assert_interrupts_have_their_priorities(
     Ok(())
 }
 
-/// Asserts that SCLK and MOSI have the speed "medium", which rings less on wires than a faster one;
-/// that DRDY is pulled up and the trigger down; and that MISO is pulled up, so that without a chip
-/// all bits are 1, unless the pull would form a divider with the read-back resistors of a daisy
-/// chain.
+/// Asserts that SCLK and MOSI have the speed "medium", which rings less on wires than a faster one,
+/// and that DRDY is pulled up and the trigger down. MISO must be pulled up, so that without a chip
+/// all bits are 1; but it must have no pull if the pull would form a divider with the read-back
+/// resistors of a daisy chain.
 fn assert_pins_are_set(board: &mut VirtualBoard, subject: Subject) -> Result<(), BoardError> {
     let Converters { chips, wiring, .. } = subject.converters();
     let has_resistors = chips > 1 && wiring == Wiring::Daisy;

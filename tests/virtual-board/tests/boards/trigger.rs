@@ -37,9 +37,9 @@ pub(crate) fn trigger_edges_have_correct_times(subject: Subject) -> Result<(), B
         })
         .collect();
     assert_eq!(events.len(), EDGES);
-    // The device's clock starts after its PLLs, up to STARTS_US after power-on. The offset would be
-    // far outside this range if the clock were half a period of the time driver ahead or an event
-    // had the time of another edge.
+    // The device's clock starts to count only when its PLLs run, up to STARTS_US after power-on.
+    // The offset would be far outside this range if the clock were half a period of the time driver
+    // ahead or an event had the time of another edge.
     let offset = edges[0].0.wrapping_sub(events[0].0);
     assert!((1..STARTS_US).contains(&offset), "the clock starts {offset} us after power on");
     for ((at_us, event), (edge_us, is_high)) in events.iter().zip(&edges) {

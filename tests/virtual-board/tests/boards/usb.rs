@@ -14,8 +14,8 @@ const ENUMERATION_US: u64 = 500_000;
 /// Time limit from a command to its acknowledgement over USB, in us.
 const ANSWER_US: u64 = 200_000;
 
-/// Range and step of the times, in us, for which the cable stays plugged in. The times end at
-/// varying points of the enumeration, which starts after 100 ms of debouncing.
+/// Range and step of the times, in us, for which the cable stays plugged in. The host starts the
+/// enumeration after 100 ms of debouncing, so the cable is unplugged at varying points of it.
 const EARLY_US: std::ops::Range<u64> = 100_000..240_000;
 const EARLY_STEP_US: usize = 17_001;
 

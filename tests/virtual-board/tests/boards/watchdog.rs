@@ -20,20 +20,21 @@ const fn watchdog_us(hz: u64) -> u64 {
     200_000 * 32_000 / hz
 }
 
-/// Time in us between two checks of the tasks' progress, each of which reloads the watchdog.
+/// Time in us between two checks of the tasks' progress; each check reloads the watchdog.
 const FED_US: u64 = 62_500;
 
 /// Time limit from a reset to `Hello` in us, which includes the enumeration of USB.
 const START_US: u64 = 500_000;
 
-/// Scenario: at both ends of the frequency range, the watchdog does not reset a healthy board, and
-/// it resets a hung board after its timeout.
+/// Scenario: at both ends of the oscillator's frequency range, the watchdog does not reset a
+/// healthy board, and it resets a hung board after its timeout.
 pub(crate) fn watchdog_works_over_the_oscillator_range(subject: Subject) -> Result<(), BoardError> {
     for hz in range(subject.model) {
         let setup = Setup { lsi_hz: Some(hz), ..subject.setup() };
         let mut board = running_with(subject, &setup)?;
         start(&mut board, Streams::CODES)?;
-        // Run for one second, several times the watchdog's timeout; the start has taken as long.
+        // Run for one second, several times the watchdog's timeout. The board has already run for
+        // about a second since power-on.
         board.run_for_us(1_000_000)?;
         assert_eq!(greetings(board.inbox().frames()).len(), 1, "resets of a healthy board");
         assert_sound(&mut board)?;

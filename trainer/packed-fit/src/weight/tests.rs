@@ -12,15 +12,15 @@ use std::io::Write as _;
 use std::process::Command;
 
 const ELECTRODES: usize = 8;
-/// Coefficients of a block, fewer than its 64 values.
+/// Number of coefficients of a block, fewer than its 64 values.
 const COEFFICIENTS: usize = 48;
 
 fn motor() -> ErrorWeight {
     weight_for("motor").unwrap()
 }
 
-/// Returns the weights with which sources reach the electrodes: three loud sources, then the
-/// rhythm.
+/// Returns the weights with which four sources reach the electrodes: three loud sources and, last,
+/// the rhythm.
 fn mixture(seed: u64) -> [[f32; ELECTRODES]; 4] {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     std::array::from_fn(|_| std::array::from_fn(|_| rng.random_range(-1.0..1.0)))
@@ -119,7 +119,7 @@ fn a_quiet_rhythm_has_a_smaller_error_at_equal_bits() {
         fit(tracks, &description, COEFFICIENTS, weight, &mut |_| ()).unwrap()
     };
     let weighted = fitted(Some(motor()));
-    // An artifact is refused if the sums of its integers could overflow.
+    // Creating an artifact fails if a sum of the model's integers could overflow.
     let mut alone = description.clone();
     (alone.mode, alone.code.numbers) = (Mode::Packed, 0);
     Artifact::without_network(alone, 640.0, weighted.clone()).unwrap();

@@ -49,7 +49,8 @@ impl Host {
         act.expect("an action for every tick")(self);
     }
 
-    /// Returns the seq of each whole frame, and how often the decoder skipped bytes outside frames.
+    /// Returns the sequence number of each whole frame, and the number of times that the decoder
+    /// skipped bytes outside frames.
     fn decode(&self) -> (Vec<u32>, u32) {
         let mut decoder = Decoder::<MAX_FRAME>::new();
         let mut seqs = Vec::new();
@@ -100,7 +101,7 @@ struct Device {
 }
 
 impl Device {
-    /// Returns a device and the cable to its host, which `prepare` has set up.
+    /// Returns a device and the cable to its host. `prepare` sets up the host.
     fn plugged(prepare: impl FnOnce(&mut Host)) -> (Self, Cable) {
         let cable = Cable::default();
         prepare(&mut cable.0.borrow_mut());

@@ -25,7 +25,7 @@ type Frames = Arc<Mutex<Vec<(u32, i64)>>>;
 #[derive(Clone, Default)]
 struct Places {
     frames: Frames,
-    /// Whether the sink says that nobody receives the frames.
+    /// Whether the sink reports that nobody receives the frames.
     is_unused: Arc<AtomicBool>,
     /// Time for which the sink blocks the thread at each frame.
     delay: Duration,
@@ -146,8 +146,8 @@ fn every_filler_of_a_long_outage_is_published_and_numbers_continue_with_another_
     assert_eq!(numbers(&count), (1..=5000).collect::<Vec<u32>>());
 }
 
-/// Returns a packed block with the given bytes, or with `None` the placeholder for a lost block. To
-/// make each frame recognisable, its stamp is `index` nanoseconds after 1970.
+/// Returns a packed block with these bytes; if `bytes` is `None`, the placeholder for a lost block.
+/// To make each frame recognisable, its stamp is `index` nanoseconds after 1970.
 fn block(index: u32, bytes: Option<Vec<u8>>, is_first: bool) -> TimedPackedBlock {
     TimedPackedBlock {
         block: bytes.map(|bytes| PackedBytes { bytes, rate: 4 }),
@@ -225,7 +225,7 @@ fn an_audit_without_a_code_measures_the_error_of_its_blocks() {
     let model = Arc::new(Model::embedded().unwrap());
     let (_, mut decoder) = start();
     decoder.start_device(reconstruction(), Some(unpacked()));
-    // Blocks without bytes decode to silence at the start of a run.
+    // At the start of a run, blocks without bytes decode to signals of 0.
     for window in 0..2 {
         decoder.decode_block(block(window, Some(Vec::new()), window == 0));
     }

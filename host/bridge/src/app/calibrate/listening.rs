@@ -13,7 +13,7 @@ const UNUSABLE: [(Flags, &str); 4] = [
     (Flags::ADC_STATUS_BAD, "with a wrong status of a converter"),
 ];
 
-/// Number of steps in a second.
+/// [`SECOND`], the number of steps in a second, as a float.
 #[expect(clippy::cast_precision_loss, reason = "128 is exact")]
 const SECOND_STEPS: f64 = SECOND as f64;
 

@@ -1,4 +1,5 @@
-//! The page's sizes, names, colours and pictures.
+//! Checks the page's layout at several sizes and the names of its controls, and draws pictures of
+//! the page in light and dark.
 
 use std::fs;
 use std::path::PathBuf;
@@ -27,7 +28,7 @@ fn pictures() -> PathBuf {
     folder
 }
 
-/// Checks names and layout at all sizes, and draws the page in light and dark.
+/// Checks the names of the controls, and the layout at all sizes; draws the page in light and dark.
 pub(super) fn the_page_looks_right(browser: &Browser) {
     let none = Value::Array(Vec::new());
     assert_eq!(browser.run(NAMELESS), none, "without a name");

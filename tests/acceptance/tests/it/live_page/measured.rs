@@ -1,4 +1,4 @@
-//! The memory that the page's history takes, and the duration of a drawing.
+//! Checks of the memory that the page's history takes, and of the duration of a drawing.
 
 use acceptance::browser::Browser;
 use serde_json::Value;
@@ -7,9 +7,10 @@ use serde_json::Value;
 const FRAME_MS: f64 = 1000.0 / 60.0;
 const MIB: f64 = 1_048_576.0;
 
-/// The smallest of ten medians, each over a second of drawings, is shorter than a frame of the
-/// screen. The other figures depend on the machine's load and are only printed. Chromium draws in
-/// software here, without a graphics card.
+/// Checks that the page draws a plot in less time than a frame of the screen lasts. The checked
+/// time is the smallest of ten medians, each over a second of drawings. The other times that the
+/// script measures depend on the machine's load and are only printed. Chromium draws in software
+/// here, without a graphics card.
 pub(super) fn a_drawing_takes_less_than_a_frame(browser: &Browser) {
     let results = browser.run(include_str!("frame_time.js"));
     let results = results.as_array().expect("results");
@@ -30,7 +31,8 @@ pub(super) fn a_drawing_takes_less_than_a_frame(browser: &Browser) {
     }
 }
 
-/// The page keeps an hour of samples, its memory grows only with them, and none is lost.
+/// Checks that the page stores an hour of samples, that it loses none, and that its memory grows
+/// only with the number of stored samples.
 pub(super) fn an_hour_is_kept_in_bounded_memory(browser: &Browser) {
     let result = browser.run(include_str!("an_hour.js"));
     assert_eq!(result["mistakes"], Value::Array(Vec::new()));
@@ -50,7 +52,8 @@ pub(super) fn an_hour_is_kept_in_bounded_memory(browser: &Browser) {
         drawings[0],
         drawings[64]
     );
-    // 61 values of 4 bytes, and 11 bytes of time, flags and trigger; chunks of 4096 samples.
+    // A sample takes 61 values of 4 bytes, and 11 bytes for time, flags and trigger. The page
+    // allocates memory in chunks of 4096 samples.
     let (sample, chunk) = (255.0, 4096.0);
     for (minute, bytes) in (1_u32..=60).zip(&steps) {
         let samples = f64::from(minute) * 60.0 * 128.0;

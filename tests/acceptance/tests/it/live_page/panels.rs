@@ -1,4 +1,4 @@
-//! The panels Spectrum, Code and Head.
+//! Checks of the live page's panels Spectrum, Code and Head.
 
 use std::fs;
 use std::time::Duration;
@@ -25,7 +25,7 @@ const BANDS: [(&str, f64, f64); 5] = [
 /// Largest relative error of a value with five digits.
 const ROUNDING: f64 = 6e-5;
 
-/// Compares the spectrum with numpy's, for filtered samples as received and for raw samples less
+/// Compares the spectrum with numpy's: for filtered samples as received, and for raw samples minus
 /// the average of all electrodes but the excluded Cz.
 pub(super) fn the_spectrum_is_that_of_numpy(browser: &Browser, shown: &Shown) {
     if !numpy_reference::available("the spectrum on the live page") {
@@ -46,7 +46,7 @@ pub(super) fn the_spectrum_is_that_of_numpy(browser: &Browser, shown: &Shown) {
         browser.type_keys("#plot", &DOWN.to_string().repeat(7));
         let label = Reading::of(browser, "#cursor").label;
         browser.wait_for_text("#spectrum-cursor", &format!("{label} "));
-        // The panel computes the paused plot's spectrum within some frames of the screen.
+        // The panel computes the spectrum of the paused plot within a few refreshes of the screen.
         std::thread::sleep(Duration::from_secs(2));
         let mut seen = Vec::new();
         for keys in [0, 1, 3, 10, 16] {
@@ -56,7 +56,8 @@ pub(super) fn the_spectrum_is_that_of_numpy(browser: &Browser, shown: &Shown) {
         let (note, bands) = (browser.text("#spectrum-note"), browser.run(BAND_TEXTS));
         browser.type_keys("#plot", if is_average { "a " } else { " " });
 
-        // `filtered: 15 segments of 2.00 s, 84.507813 to 100.500000 s; 7 with ...`
+        // The note reads, for example, `filtered: 15 segments of 2.00 s, 84.507813 to 100.500000 s;
+        // 7 with ...`
         let words: Vec<&str> = note[start.len()..].split(' ').collect();
         let (used, [from, to]) = (words[0], [words[5], words[7]].map(microseconds));
         let wire = Wire::read(&shown.lines(), topic);
@@ -110,12 +111,13 @@ pub(super) fn the_spectrum_is_that_of_numpy(browser: &Browser, shown: &Shown) {
 const BAND_TEXTS: &str = "return [...document.querySelectorAll('#bands tr')]
     .map((row) => [row.cells[0].textContent, row.cells[2].textContent])";
 
-/// Compares values of codes with the JSON lines, and the bits per second with the size of a code.
+/// Compares the values of codes that the page shows with the JSON lines, and the bits per second
+/// that it shows with the size of a code.
 pub(super) fn codes_equal_the_lines(browser: &Browser, shown: &Shown) {
     let mut seen = Vec::new();
     for steps in 0..10 {
         browser.type_keys("#numbers", &RIGHT.to_string().repeat(steps));
-        // The page draws a code in the next frame of the screen.
+        // The page draws a code at the next refresh of the screen.
         std::thread::sleep(Duration::from_millis(150));
         seen.push(Reading::of(browser, "#code-cursor"));
     }
@@ -139,7 +141,7 @@ pub(super) fn codes_equal_the_lines(browser: &Browser, shown: &Shown) {
     wait_for("an audit", audited);
 }
 
-/// Compares the figures of the packed code with the reports in the JSON lines.
+/// Compares the values that the page shows for the packed code with the reports in the JSON lines.
 pub(super) fn packed_figures_equal_the_reports(browser: &Browser, shown: &Shown) {
     let audited = || figure(browser, "audit: packed error, uV RMS").is_some();
     wait_for("an audit of packed blocks", audited);
@@ -154,7 +156,8 @@ pub(super) fn packed_figures_equal_the_reports(browser: &Browser, shown: &Shown)
     assert!(reports.contains(&[bits, misfits]), "{bits}, {misfits}: {reports:?}");
 }
 
-/// Returns the number at the beginning of the figure `name` in the panel Code, if there is one.
+/// Returns the number at the beginning of the value that the panel Code shows for `name`; `None` if
+/// it shows none.
 fn figure(browser: &Browser, name: &str) -> Option<f64> {
     let script = format!(
         "const names = [...document.querySelectorAll('#code-figures dt')];
@@ -164,7 +167,7 @@ fn figure(browser: &Browser, name: &str) -> Option<f64> {
     text.as_str()?.split(' ').next()?.parse().ok()
 }
 
-/// An impedance that is no longer measured is not shown.
+/// Checks that the page stops showing an impedance when it is no longer measured.
 pub(super) fn an_old_impedance_is_forgotten(browser: &Browser) {
     let says = browser.run(include_str!("stale_impedance.js"));
     let fresh = "Cz; 4.9 kOhm";

@@ -9,14 +9,15 @@ pub(super) const DOWN: char = '\u{e015}';
 pub(super) const HOME: char = '\u{e011}';
 pub(super) const END: char = '\u{e010}';
 
-/// A line such as `Fz 1.234 uV at 5.000000 s; replaced, was lost`.
+/// What the page shows for a sample: a line such as `Fz 1.234 uV at 5.000000 s; replaced, was
+/// lost`, and its parts.
 pub(super) struct Reading {
     pub(super) text: String,
     pub(super) label: String,
     pub(super) value: String,
     /// Device time, microseconds.
     pub(super) us: u64,
-    /// The parts after the first semicolon.
+    /// Parts of the line after the first semicolon, split at semicolons.
     pub(super) notes: Vec<String>,
 }
 

@@ -1,4 +1,5 @@
-//! The traces: their values, a second stream, the average reference, events and the history.
+//! Checks of the page's traces: their values, a second stream, the average reference, events and
+//! the history.
 
 use std::time::Duration;
 
@@ -9,14 +10,14 @@ use super::reading::{DOWN, END, HOME, LEFT, Reading};
 use super::shown::{EDGE_US, Shown};
 use super::wire::Wire;
 
-/// Streams on the page with their topics and rates.
+/// Streams on the page: name, topic, and sampling rate in Hz.
 const STREAMS: [(&str, &str, u64); 3] = [
     ("reconstructed", "/neurodata_reconstructed", 128),
     ("filtered", "/neurodata_corticode", 128),
     ("raw", "/neurodata", 512),
 ];
 
-/// Moves the cursor by keys, and compares what it shows with the JSON lines.
+/// Moves the cursor by keys, and compares what the page shows for it with the JSON lines.
 pub(super) fn values_equal_those_on_the_wire(browser: &Browser, shown: &Shown) {
     for (stream, topic, _) in STREAMS {
         choose(browser, "stream", stream);
@@ -45,15 +46,17 @@ pub(super) fn values_equal_those_on_the_wire(browser: &Browser, shown: &Shown) {
     }
 }
 
-/// Moves the cursor by seven samples and three electrodes.
+/// Moves the cursor seven samples to the left and three electrodes down. Returns what the page then
+/// shows for the cursor.
 fn moved(browser: &Browser) -> Reading {
     let keys = [vec![LEFT; 7], vec![DOWN; 3]].concat();
     browser.type_keys("#plot", &keys.iter().collect::<String>());
     Reading::of(browser, "#cursor")
 }
 
-/// Shows decoded signals over filtered ones, and compares both with the JSON lines, as received and
-/// to the average of all electrodes but Cz, which is excluded.
+/// Shows decoded signals over filtered ones, and compares both with the JSON lines: first the
+/// signals as received, then the signals minus the average of all electrodes but Cz, which is
+/// excluded.
 pub(super) fn two_streams_and_the_average_are_those_on_the_wire(browser: &Browser, shown: &Shown) {
     choose(browser, "stream", "filtered");
     choose(browser, "over", "reconstructed");
@@ -102,8 +105,9 @@ pub(super) fn two_streams_and_the_average_are_those_on_the_wire(browser: &Browse
     }
 }
 
-/// Moves the cursor through eight events. Each edge is at the sample where the trigger changes on
-/// the wire: the first one at the time of the edge or later. This holds for decoded signals too.
+/// Moves the cursor through eight events. Each edge must be at the sample where the level of the
+/// trigger changes in the JSON lines, which is the first sample at or after the time of the edge.
+/// Decoded signals are checked too, by the time of the edge.
 pub(super) fn events_are_at_their_samples(browser: &Browser, shown: &Shown) {
     for (stream, topic, rate) in STREAMS {
         choose(browser, "stream", stream);
@@ -132,7 +136,7 @@ pub(super) fn events_are_at_their_samples(browser: &Browser, shown: &Shown) {
             if stream != "reconstructed" {
                 let at = wire.at(*us);
                 let around = [at - 1, at].map(|index| wire.samples[index].trigger);
-                // The edge before was lost on the cable, and with it a change of the level.
+                // The previous edge was lost on the cable, and with it a change of the level.
                 let lost = text.contains("trigger edges lost: 1");
                 let before = if lost { level } else { 1 - level };
                 assert_eq!(around, [before, level], "{text}");
@@ -142,16 +146,18 @@ pub(super) fn events_are_at_their_samples(browser: &Browser, shown: &Shown) {
     }
 }
 
-/// Shows the oldest samples that the page has kept: the first one is of the opening of the page, when
-/// the newest one received was at `opened`, microseconds of device time.
+/// Shows the oldest samples that the page has stored, and checks that the first of them dates from
+/// the opening of the page. At that moment, the newest received sample had the device time
+/// `opened`, in microseconds.
 pub(super) fn the_history_reaches_back_to_the_opening_of_the_page(
     browser: &Browser,
     shown: &Shown,
     opened: u64,
 ) {
-    /// Time axis of the plot, which Home shows from the oldest sample on; the cursor is at its end.
+    /// Length of the plot's time axis, microseconds. After the key Home, the plot starts at the
+    /// oldest sample, and the cursor is at the end of the axis.
     const PLOT_US: u64 = 10_000_000;
-    /// Most time from the sample at `opened` to the page's first one.
+    /// Longest permitted device time from `opened` to the page's oldest sample, microseconds.
     const LATE_US: u64 = 1_000_000;
     choose(browser, "stream", "filtered");
     let wire = Wire::read(&shown.lines(), "/neurodata_corticode");

@@ -1,12 +1,13 @@
-//! The samples of a topic, as the JSON lines have them.
+//! The samples of one topic, read from the JSON lines that a bridge has printed.
 
 use acceptance::printing::messages;
 use serde_json::Value;
 
 /// Flag of a sample that replaces a lost one.
 const FILLER: u64 = 0x8000;
-/// Steps from the first step of a reconstructed frame to the last one of its window, whose device
-/// time all of the frame's steps have on the wire: 16 steps a window. The page shows that of each.
+/// Number of steps from the first step of a reconstructed frame to the last step of the 16-step
+/// window from which it was decoded. In the JSON lines, all steps of a frame have the device time
+/// of this last step; the page shows each step's own device time.
 const LOOKBACK_STEPS: u64 = 15;
 
 pub(super) struct Sample {
@@ -17,10 +18,10 @@ pub(super) struct Sample {
     pub(super) values: Vec<f64>,
 }
 
-/// The samples of one topic, in their order.
+/// The samples of one topic, in the order of the JSON lines.
 pub(super) struct Wire {
     pub(super) labels: Vec<String>,
-    /// Number of electrodes, which are the first labels.
+    /// Number of electrodes; their labels come first in `labels`.
     pub(super) electrodes: usize,
     pub(super) samples: Vec<Sample>,
 }
@@ -86,15 +87,16 @@ impl Wire {
         nearest.expect("samples").0
     }
 
-    /// Returns the float32 of a channel. Its decimal digits in the lines differ from it by up to 1 nV
-    /// at an offset of 20 mV, which shows in a spectrum.
+    /// Returns a channel's value as the float32 that the bridge printed in decimal. The printed
+    /// digits differ from the float32 by up to 1 nV at an offset of 20 mV, which would be visible
+    /// in a spectrum.
     pub(super) fn float32(&self, index: usize, channel: usize) -> f64 {
         #[expect(clippy::cast_possible_truncation, reason = "printed from a float32")]
         let value = self.samples[index].values[channel] as f32;
         value.into()
     }
 
-    /// Returns the value of an electrode without the mean of all electrodes but Cz.
+    /// Returns the value of an electrode minus the mean of all electrodes but Cz.
     pub(super) fn to_average(&self, index: usize, label: &str) -> f64 {
         let part = (0..self.electrodes).filter(|channel| self.labels[*channel] != "Cz");
         let part: Vec<f64> = part.map(|channel| self.float32(index, channel)).collect();

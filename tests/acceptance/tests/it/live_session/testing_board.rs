@@ -16,8 +16,8 @@ pub(super) struct TestingBoard {
     pub(super) port: String,
 }
 
-/// What both directions share: the host's connection, the number of frames that the cable has
-/// added, and the sequence number of the board's newest frame.
+/// State that the two transfer directions share: the host's connection, the number of frames that
+/// the cable has added to the board's, and the sequence number of the board's newest frame.
 struct Line {
     host: Mutex<TcpStream>,
     added: AtomicU32,

@@ -28,7 +28,7 @@ pub(super) struct Session {
 }
 
 impl Session {
-    /// Starts a node in the namespace `name`, which takes the stream's values as microvolts.
+    /// Starts a node in the namespace `name`. The node takes the stream's values as microvolts.
     pub(super) async fn start(
         ros: &Ros<'_>,
         interpreter: &Path,
@@ -116,8 +116,8 @@ impl Published {
     }
 }
 
-/// Starts a player that sends `eeg` as the stream `name`, with furlongs as the stated unit and with
-/// options of `lsl_play.py`.
+/// Starts a player that sends `eeg` as the stream `name`. The stream states furlongs as its unit;
+/// `options` are further options of `lsl_play.py`.
 pub(super) fn play(
     interpreter: &Path,
     folder: &Path,

@@ -28,7 +28,8 @@ const SECONDS: u64 = 6;
 
 /// Montage of the trained model in `signal/model/paper`.
 const TRAINED_MONTAGE: &str = "paper-61";
-/// Montage of the built-in model, which the tests of `pipeline` and `encoder_numpy.rs` compare.
+/// Montage of the built-in model, whose codes the tests of `pipeline` and `encoder_numpy.rs`
+/// compare with their references.
 const BUILT_IN_MONTAGE: &str = "ten-ten-61";
 /// Montages of models that `variants.rs` builds.
 const VARIANTS: [&str; 2] = ["cyton-16", "ten-twenty-32"];
@@ -177,8 +178,8 @@ fn compare_with_numpy(seed: u32, artifact: &Artifact) {
     assert_ne!(ours[0], ours[1]);
 }
 
-/// Encodes synthetic EEG with host-sim, and checks the announced model and the codes that it writes
-/// to the file `frames`. Returns the number of codes.
+/// Encodes synthetic EEG with host-sim, which writes its output to the file `frames`. Checks the
+/// model that host-sim announces there and the codes. Returns the number of codes.
 fn play(built: &OtherModel, artifact: &Artifact, frames: &Path) -> usize {
     let mut host_sim = built.program("host-sim");
     host_sim.args(["run", "--input=synthetic", "--mains=50"]);

@@ -126,7 +126,7 @@ fn as_tested(command: &str, root: &Path) -> String {
     command.replace("cargo build --release", &build).replace(" --bin corticode-bridge", "")
 }
 
-/// Returns the commands in the code blocks of docs/your-own-cap.md that start with "```sh".
+/// Returns the commands in those code blocks of docs/your-own-cap.md that start with "```sh".
 fn commands() -> Vec<String> {
     let path = workspace::root().join("docs/your-own-cap.md");
     let page = fs::read_to_string(path).expect("the page");
@@ -138,7 +138,8 @@ fn commands() -> Vec<String> {
         block.lines().map(str::to_owned).collect::<Vec<_>>()
     });
     let bridges = |line: &String| line.contains("corticode-bridge --port");
-    // Leave out the bridge for a real board, because it runs until it is interrupted.
+    // Leave out the command that starts a bridge for a real board, because it runs until it is
+    // interrupted.
     lines.filter(|line| !bridges(line)).collect()
 }
 

@@ -10,7 +10,7 @@ use artifact::{Artifact, MontageFile};
 const SEED: u32 = 7;
 const SECONDS: u32 = 6;
 
-/// Returns a model with the packed code alone and random integers, for the montage `cyton-8`.
+/// Returns a model for the montage `cyton-8` that has only the packed code, with random integers.
 fn model() -> Artifact {
     let montage = MontageFile::read(&workspace::root().join("files/montages/cyton-8.toml"));
     any_packed_alone(SEED, &montage.expect("the montage")).expect("a model")

@@ -18,8 +18,8 @@ use artifact::{
 use Input::{Montage, Sized};
 
 /// Models to build (mode, padding, pool, input). Together they cover every kernel, both ends of a
-/// padded window, an encoder without each optional part, every overlap of windows, and both ends of
-/// every parameter's range.
+/// padded window, encoders that lack each of the optional parts, every overlap of windows, and both
+/// ends of every parameter's range.
 const VARIANTS: [(Mode, Padding, [usize; 3], Input); 7] = [
     (Paper, Padding::None, [2, 2, 2], Montage("ten-twenty-32")),
     (Paper, Padding::None, [4, 3, 3], Sized(Size::paper(8))),
@@ -84,7 +84,7 @@ fn streaming_equals_batch_with_every_variant() {
             });
             let mut artifact = artifact.expect("a model");
             artifact.description.code.format = format;
-            // The tests of `pipeline` compare the packed code of 61 electrodes.
+            // For 61 electrodes, leave out the packed code: the tests of `pipeline` compare it.
             let has_packed = artifact.description.montage.electrodes.len() != 61;
             let packed = has_packed.then(|| any_packed(seed, &artifact.description));
             let artifact = artifact.with_packed(packed).expect("a packed model");

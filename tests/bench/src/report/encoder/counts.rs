@@ -57,8 +57,9 @@ struct KernelCount {
 /// Instruction counts of the encoder, and their ratios.
 ///
 /// Figures with `shortcut` in their names include the linear shortcut, which the built-in network
-/// has. For the others, the instructions of the shortcut's matrix products are subtracted: they are
-/// counted alone and divided evenly among the time steps of a hop.
+/// has. From the other figures, the instructions of the shortcut's matrix products are subtracted.
+/// These instructions are counted in a separate run and divided evenly among the time steps of a
+/// hop.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Figures {
     /// Sum, over the time steps of a hop, of each step's largest instruction count.
@@ -161,8 +162,8 @@ mod tests {
     #[test]
     fn the_shortcuts_products_are_subtracted_from_every_time_step() {
         let counts = Counts::synthetic(1500);
-        // The last time step takes 1500 instructions, every other step 1000. The shortcut takes the
-        // same part of each step: 200 if the hop has 8 time steps.
+        // The last time step takes 1500 instructions, every other step 1000. The shortcut takes
+        // 1600 instructions, the same number in each step: 200 if the hop has 8 time steps.
         let hop = u32::try_from(HOP).expect("at most 16");
         let (all, in_step) = (1_000 * hop + 500, 1_600 / hop);
         let expected = Figures {

@@ -97,9 +97,9 @@ fn work() -> impl Iterator<Item = (&'static str, &'static [&'static str], usize)
     work.into_iter().filter(|(_, _, per_code)| *per_code > 0)
 }
 
-/// Returns the cycles of a code of `instructions` instructions, or `None` if the cycles of a loop
-/// are unknown. `iteration` returns the cycles of a loop's iteration; each instruction outside the
-/// loops takes `rest` cycles.
+/// Returns the cycles that it takes to compute one code with `instructions` instructions, or `None`
+/// if the cycles of a loop are unknown. `iteration` returns the cycles of a loop's iteration; each
+/// instruction outside the loops takes `rest` cycles.
 pub(crate) fn per_code(
     loops: &[LoopCycles],
     instructions: u32,
@@ -115,15 +115,16 @@ pub(crate) fn per_code(
     (!loops.is_empty()).then(|| cycles + rest * f64::from(outside))
 }
 
-/// Returns the percentage of a processor's cycles that the codes of a live stream take.
+/// Returns the percentage of a processor's cycles that it takes to compute the codes of a live
+/// stream.
 pub(crate) fn load_percent(cycles_per_code: f64, mhz: f64) -> f64 {
     let codes_per_second = f64::from(STEP_RATE_HZ) / f64::from(u32::try_from(HOP).unwrap_or(1));
     100.0 * cycles_per_code * codes_per_second / (mhz * 1e6)
 }
 
 /// Returns the cycles of instructions on a Cortex-M4 by ARM's table (ARM 100166, section 3.3.1). A
-/// load or store of n words takes n + 1 cycles, but only 1 cycle if it and the instruction before
-/// it are both of a single word. Every other instruction here takes 1 cycle.
+/// load or store of n words takes n + 1 cycles, but only 1 cycle if both this instruction and the
+/// previous one load or store a single word. Every other instruction here takes 1 cycle.
 fn arm_table(instructions: &[String]) -> u32 {
     let mut cycles = 0;
     let mut was_single = false;

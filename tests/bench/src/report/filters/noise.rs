@@ -128,7 +128,7 @@ fn pink(random: &mut ChaCha8Rng, samples: usize) -> Vec<f64> {
         }
     }
     let mut signal = transform.make_output_vec();
-    // An error is impossible: it occurs only if a length is not the plan's.
+    // An error is impossible: it occurs only if the length of a slice differs from the plan's.
     let _ = transform.process(&mut bins, &mut signal);
     let rms = (signal.iter().map(|x| x * x).sum::<f64>() / real(samples)).sqrt();
     signal.iter().map(|x| x / rms).collect()
@@ -152,7 +152,8 @@ struct Spectrum {
 }
 
 impl Spectrum {
-    /// Averages the spectra of Hann-windowed segments that overlap by half, each without its mean.
+    /// Averages the spectra of Hann-windowed segments that overlap by half. The mean of each
+    /// segment is removed first.
     ///
     /// # Panics
     /// When the signal is shorter than a segment.
@@ -169,7 +170,8 @@ impl Spectrum {
         for segment in segments {
             let mean = segment.iter().sum::<f64>() / real(SEGMENT);
             let windowed = segment.iter().zip(&window).map(|(x, w)| (x - mean) * w);
-            // An error is impossible: it occurs only if a length is not the plan's.
+            // An error is impossible: it occurs only if the length of a slice differs from the
+            // plan's.
             if transform.process(&mut windowed.collect::<Vec<_>>(), &mut bins).is_ok() {
                 for (power, bin) in power.iter_mut().zip(&bins) {
                     // The factor 2 adds the power of the negative frequencies.
@@ -231,8 +233,8 @@ mod tests {
         // The noise, LSB / sqrt(12) rms, is spread evenly from 0 Hz to half the rate.
         let width = (BAND_HZ[1] - BAND_HZ[0]) / (f64::from(model::ADC_RATE_HZ) / 2.0);
         let expected = f64::from(model::LSB_NV) / 12.0_f64.sqrt() * width.sqrt();
-        // The values differ by 1 %: the rms of 64 s of white noise has a standard error of about
-        // 0.9 % in this band.
+        // The measured and the expected value differ by 1 %: the rms of 64 s of white noise has a
+        // standard error of about 0.9 % in this band.
         assert!((rms / expected - 1.0).abs() < 0.05, "{rms} instead of {expected}");
     }
 

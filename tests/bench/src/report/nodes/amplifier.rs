@@ -11,7 +11,7 @@ use ros1::Publisher;
 use super::figures::{SharedTimes, Times};
 use super::{run_before_others, wait_until};
 
-/// Frames of an amplifier: their rate, and the windows that they complete.
+/// Rate and length of an amplifier's frames.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Frames {
     /// Samples per second.

@@ -17,7 +17,7 @@ use super::{run_before_others, wait_until};
 /// Time from one code to the next in real time.
 const HOP: Duration =
     Duration::from_micros(model::HOP as u64 * 1_000_000 / model::STEP_RATE_HZ as u64);
-/// Time by which the node in rospy gets each code later than the bridge.
+/// Time from sending a code to the bridge until the same code is sent to the node in rospy.
 const OFFSET: Duration = HOP.checked_div(2).unwrap();
 /// Delay of every code in the relay, so that even a late code of host-sim leaves on time.
 const RESERVE: Duration = Duration::from_millis(15);
@@ -137,8 +137,8 @@ fn forward(
     }
 }
 
-/// Sends each code to the rospy node, [`OFFSET`] later than to the bridge: the window's index (32
-/// bits, little endian), then the levels as float32.
+/// Sends each code to the rospy node, [`OFFSET`] later than to the bridge. A code is sent as the
+/// window's index (32 bits, little endian), then the levels as float32.
 fn delay(
     codes: &Receiver<(Instant, Levels)>,
     mut rospy: TcpStream,

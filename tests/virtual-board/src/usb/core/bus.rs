@@ -136,8 +136,8 @@ impl Core {
         self.rx.len() + words <= self.registers.rx_depth as usize
     }
 
-    /// Appends the status word for the end of the setup stage to the receive FIFO, once the first
-    /// token after the SETUP packet has come.
+    /// At the first token after a SETUP packet, appends the status word for the end of the setup
+    /// stage to the receive FIFO.
     fn end_setup_stage(&mut self, endpoint: usize) {
         if endpoint == 0 && self.bus.in_setup_stage {
             self.bus.in_setup_stage = false;
@@ -208,7 +208,8 @@ impl Core {
         self.inputs[endpoint].next_len()
     }
 
-    /// Receives an IN token and returns the response; a packet counts as acknowledged by the host.
+    /// Receives an IN token and returns the response. If the response is a packet, the host counts
+    /// as having acknowledged it.
     pub(crate) fn input(&mut self, address: u8, endpoint: usize) -> Input {
         if !self.accepts(address) || !self.inputs[endpoint].registers.has(epctl::USBAEP) {
             return Input::Silent;

@@ -7,12 +7,12 @@ use crate::usb::violation::Violations;
 
 /// Number of transactions without response after which a transfer fails (USB 2.0, 10.2.6).
 const ATTEMPTS: u32 = 3;
-/// Longest duration of a control transfer in ns, as in Linux (`USB_CTRL_GET_TIMEOUT`).
+/// Time limit for a control transfer in ns, as in Linux (`USB_CTRL_GET_TIMEOUT`).
 const TIMEOUT_NS: u64 = 5_000_000_000;
-/// Longest time in ns until the next data packet of a standard request (USB 2.0, 9.2.6.4).
+/// Longest permitted time in ns to the next data packet of a standard request (USB 2.0, 9.2.6.4).
 const DATA_NS: u64 = 500_000_000;
-/// Longest time in ns from the last data packet of a standard request to the end of the request's
-/// status stage (USB 2.0, 9.2.6.4).
+/// Longest permitted time in ns from the last data packet of a standard request to the end of the
+/// request's status stage (USB 2.0, 9.2.6.4).
 const STATUS_NS: u64 = 50_000_000;
 
 /// What a transaction needs: the device's core, its address, and where to record violations.

@@ -45,8 +45,8 @@ pub struct Descriptors {
     pub(super) interfaces: Vec<Interface>,
 }
 
-/// An interface in its alternate setting 0, as its own descriptor and the descriptors that belong
-/// to it describe it (USB 2.0, 9.6.5).
+/// An interface in its alternate setting 0, with the contents of its own descriptor and of the
+/// descriptors that belong to it (USB 2.0, 9.6.5).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Interface {
     /// Number of the interface (`bInterfaceNumber`).
@@ -88,7 +88,7 @@ fn byte(bytes: &[u8], at: usize) -> u8 {
 }
 
 impl Descriptors {
-    /// Parses and checks the device descriptor.
+    /// Parses the device descriptor, and records each of its violations of the USB specification.
     pub(super) fn parse_device(&mut self, bytes: &[u8], now: u64, violations: &mut Violations) {
         self.usb = word(bytes, 2);
         self.max_packet_0 = byte(bytes, 7);

@@ -175,7 +175,7 @@ impl Enumeration {
                 match n {
                     0 => self.device.manufacturer = text,
                     1 => self.device.product_name = text,
-                    // The serial number is read and checked like the other strings, but not kept.
+                    // The serial number is read and checked like the other strings, but not stored.
                     _ => {}
                 }
                 self.request_string(n + 1)
@@ -200,7 +200,8 @@ impl Enumeration {
         Next::Request
     }
 
-    /// Requests the next existing string from index `n` on, or else sets the configuration.
+    /// Requests the next string that the device has, from index `n` on; sets the configuration if
+    /// there is none.
     fn request_string(&mut self, n: usize) -> Next {
         let next = (n..3).find(|&n| self.device.strings[n] != 0);
         self.request_next(next.map_or(Stage::SetConfiguration, Stage::String))

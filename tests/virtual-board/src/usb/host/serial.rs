@@ -10,7 +10,7 @@ use crate::usb::endpoint::{Handshake, Input};
 use crate::usb::violation::Violations;
 
 /// Size in bytes of the driver's read buffer, as in the driver of Windows. A program receives the
-/// data once the buffer is full or a short packet has come.
+/// data when the buffer is full or a short packet has arrived.
 const READ_BYTES: usize = 4_096;
 /// Bit rates in bit/s that the driver sets: the first when the device is configured, the second
 /// when a program opens the port.
@@ -93,7 +93,7 @@ impl Serial {
         self.ports.is_some()
     }
 
-    /// Returns the request, if any, that the host must make now; the same request until
+    /// Returns the request that the host must make now, if any. Returns the same request until
     /// [`Serial::complete_request`] ends it.
     pub(super) fn next_request(&mut self) -> Option<Request> {
         self.ports?;

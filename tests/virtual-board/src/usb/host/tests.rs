@@ -35,7 +35,8 @@ impl Device {
         core.supply = Supply { clocked: true, ..Supply::default() };
         core.set_vbus(true);
         for (offset, value) in [
-            // Device mode, transceiver, session, full speed, connection; then the FIFOs' layout.
+            // Select device mode, switch the transceiver on, mark the session as valid, select full
+            // speed, and connect; then set the layout of the FIFOs.
             (0x0C, 1 << 30 | 6 << 10),
             (0x38, 1 << 16),
             (0x00, 3 << 6),

@@ -17,7 +17,8 @@ fn wire_ns(len: usize) -> u64 {
 }
 
 impl Host {
-    /// Returns when, in ns, a transaction starts or ends or the control transfer times out.
+    /// Returns the next time, in ns, at which a transaction starts or ends or the control transfer
+    /// times out.
     pub(super) fn traffic_due(&mut self, now: u64, core: &Core) -> Option<u64> {
         if self.transfer.is_none() && self.has_request() {
             return Some(now);
@@ -104,7 +105,7 @@ impl Host {
         }
     }
 
-    /// Takes over the device's address and does what the enumeration needs next.
+    /// Copies the device's address from the enumeration, and does what the enumeration needs next.
     fn continue_enumeration(&mut self, next: Next, now: u64, core: &mut Core) {
         self.address = self.enumeration.as_ref().map_or(0, |e| e.address);
         match next {
