@@ -41,9 +41,10 @@ TO it stays. {numbers} Kinds:
 pub struct Fault {
     /// The change of the simulated chain that begins the fault, and the change that repairs it.
     changes: (Change, Change),
-    /// Number of ADC samples before the fault begins; 0 if it is present at power-on.
+    /// Index of the first ADC sample with the fault, counted from power-on.
     from: u64,
-    /// Number of ADC samples before the fault is repaired; `None` if it is never repaired.
+    /// Index of the first ADC sample after the repair, counted from power-on; `None` if the fault
+    /// is never repaired.
     to: Option<u64>,
 }
 

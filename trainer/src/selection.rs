@@ -15,8 +15,8 @@ pub(crate) struct TrainingFiles {
     /// 'data/S0*'.
     #[arg(long, default_value = ".")]
     data: PathBuf,
-    /// Recordings (EDF, BDF, GDF) to train on: files, folders, patterns such as 'S001*.edf', ends
-    /// of the names of files in --data, or ranges of them like R03..R10.
+    /// Recordings (EDF, BDF, GDF) to train on: files, folders, patterns such as 'S001*.edf', or how
+    /// file names in --data end, such as R03 or the range R03..R10.
     #[arg(long, required = true, value_delimiter = ',')]
     train: Vec<String>,
     /// Recordings to test with; they are not used for training or validation. Without them the
@@ -39,8 +39,8 @@ pub struct TestFiles {
     /// [default: .].
     #[arg(long)]
     pub data: Option<PathBuf>,
-    /// Recordings to test with: files, folders, patterns, ends of the names of files in --data, or
-    /// ranges of them like R11..R12 [default: those in the training card].
+    /// Recordings to test with: files, folders, patterns, or how file names in --data end, such as
+    /// R11 or the range R11..R12 [default: those in the training card].
     #[arg(long, value_delimiter = ',')]
     pub test: Vec<String>,
     /// Name of the person in all recordings [default: the text before the run's number in each file

@@ -10,12 +10,13 @@
 //!     i32 accumulators <-- Linear <-- 0..=255 plane <-- bias, requantise, saturate_u8
 //! ```
 //!
-//! [`Direct`] replaces [`Winograd`] where the shape of the pool or the ranges require it.
+//! [`Direct`] replaces [`Winograd`] if the pool has another shape than Winograd supports, or if
+//! Winograd's transformed values could overflow.
 //!
 //! Conventions of all kernels:
 //! * Planes are flat slices of [`Pair`]s. A pair holds the values of two channels in one word of 2
-//!   x 16 bits, the operand of SMLAD. The order between convolutions is `[pair of
-//!   channels][row][column]`.
+//!   x 16 bits, the operand of SMLAD. A plane that one convolution passes to the next has the order
+//!   `[pair of channels][row][column]`.
 //! * Weights are 8 bits, -127..=127, and packed or transformed by the kernel that reads them.
 //!   Accumulators and biases are `i32`.
 //! * Accumulators wrap. The code that builds the network must prove from the weights that no

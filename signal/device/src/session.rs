@@ -32,7 +32,8 @@ pub struct Session<'i> {
     converters: Option<Converters>,
     /// True from the moment a self-test is ordered until its result is sent.
     is_testing: bool,
-    /// True while the impedance of the electrodes is measured: from a command to the next `Stop`.
+    /// True while the impedance of the electrodes is measured: from the command that starts the
+    /// measurement until the next `Stop`.
     measures_impedance: bool,
     /// The uploaded model; `None` while the device uses the built-in one.
     uploaded: Option<UploadedModel>,

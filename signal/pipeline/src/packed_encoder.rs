@@ -8,8 +8,8 @@ use crate::sample::Step;
 
 /// Encodes each hop's steps as a block that is predicted from the block before it.
 ///
-/// The products of the analysis are added as the steps arrive, and the prediction is computed with
-/// the first step of a block, so that only quantiser and range coder are left after the last step.
+/// The analysis transform is accumulated as the steps arrive, and the prediction is computed when a
+/// block's first step arrives, so only quantiser and range coder are left after the last step.
 ///
 /// Without a packed model the encoder returns no blocks and takes only a few bytes of memory.
 #[derive(Clone, Debug)]

@@ -24,7 +24,7 @@ const PAIRS: usize = 128;
 const COLUMNS: usize = 11;
 /// Number of input columns of the random second convolutions.
 const HIDDEN_COLUMNS: usize = 10;
-/// Number of pairs of input channels of the random second convolutions.
+/// Number of pairs of input channels of the second convolution in each random network.
 const HIDDEN_PAIRS: usize = 8;
 
 type First<'w> = InputConv<'w, COLUMNS>;

@@ -43,7 +43,7 @@ pub fn weight_for(purpose: &str) -> Result<ErrorWeight, String> {
     Ok(ErrorWeight { band_hz, strength: STRENGTH })
 }
 
-/// The matrix of a weighted error, as its eigenvectors and eigenvalues.
+/// The weighting matrix of a squared error, as its eigenvectors and eigenvalues.
 #[derive(Clone, Debug)]
 pub struct Metric {
     /// Eigenvectors, `[value, eigenvector]`.

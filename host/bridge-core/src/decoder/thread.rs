@@ -419,8 +419,8 @@ pub struct DecoderCounts {
     pub not_decoded: u64,
     /// Number of codes that were not decoded because `/neurodata_reconstructed` had no subscriber.
     pub not_needed: u64,
-    /// Number of packed blocks that arrived intact but cannot be decoded, because they are not
-    /// blocks of the model. They count as lost.
+    /// Number of packed blocks that arrived intact but that the model's decoder refuses. They count
+    /// as lost.
     pub malformed: u64,
 }
 

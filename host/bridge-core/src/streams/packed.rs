@@ -43,7 +43,8 @@ impl PackedStream {
     }
 
     /// Sets which stream is decoded for `/neurodata_reconstructed`. If this changes, a new
-    /// recording begins, so the time in which codes were decoded is not filled with packed blocks.
+    /// recording begins: the period in which codes were decoded would otherwise count as a gap in
+    /// the packed blocks, and would be filled.
     pub(crate) fn set_decoding(&mut self, decoding: Decoding) {
         if self.timeline.decoding.stream != decoding.stream {
             self.end_recording();

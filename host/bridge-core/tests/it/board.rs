@@ -68,7 +68,8 @@ pub(crate) struct Board {
     /// Electrodes whose signal the board reports as interpolated or zero.
     pub(crate) substitutes: Substitutes,
     pub(crate) code_format: CodeFormat,
-    /// Whether the board's model has a network. Without one, the board reports codes of 0 values.
+    /// Whether the board's model has a network. Without one, the board reports a code
+    /// length of 0.
     pub(crate) has_network: bool,
     pub(crate) code_scale: [f32; NUMBERS],
     /// Zero points of int8 codes. With the other formats, the board reports all of them as 0.

@@ -1,5 +1,5 @@
-//! Tests of the acquisition as a device, without ROS and a clock, and of the program
-//! `corticode-node` in a ROS graph with the master of `ros1`.
+//! Tests of the acquisition, which stands in for a device, without ROS or a real-time clock, and of
+//! the program `corticode-node` in a ROS graph with the master of `ros1`.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod acquisition;

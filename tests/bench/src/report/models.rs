@@ -25,8 +25,8 @@ pub(crate) fn measure_folder(folder: &Path, windows: usize) -> anyhow::Result<Re
     Report::new("model", Json::Object(figures), next)
 }
 
-/// Name of the montage that also gets a model with convolutions: the largest one whose convolutions
-/// differ from the checked-in model's.
+/// Name of the montage for which a model with convolutions is measured too: the largest montage
+/// whose model has other convolutions than the checked-in model.
 const CONVOLUTIONS: &str = "ten-twenty-32";
 
 /// Seed of the random weights of every model.
