@@ -7,7 +7,7 @@ use link::Counters;
 use neuro_ros::Log;
 use neuro_ros::ros1::NodeOptions;
 use tokio::sync::mpsc::Receiver;
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::Targets;
 use tracing_subscriber::fmt::writer::{BoxMakeWriter, MakeWriterExt};
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
@@ -27,11 +27,8 @@ const QUIET: &str = "rustdds=error,rustdds::dds::pubsub=off,ros2_client=off";
 ///
 /// [`BridgeError::Log`] if the log file cannot be written.
 pub fn start(ros: &NodeOptions, level: &str) -> Result<Receiver<Log>, BridgeError> {
-    let chosen = std::env::var(EnvFilter::DEFAULT_ENV).ok();
-    let chosen = chosen.filter(|chosen| EnvFilter::try_new(chosen).is_ok());
-    let chosen = chosen.unwrap_or_else(|| level.to_owned());
-    // The user's choice comes last: of two levels for one library, the later one counts.
-    let filter = EnvFilter::new(format!("{QUIET},{chosen}"));
+    let chosen = std::env::var("RUST_LOG").unwrap_or_default();
+    let filter = levels(&chosen).or_else(|| levels(level)).unwrap_or_default();
     let writer = match &ros.log {
         None => BoxMakeWriter::new(std::io::stderr),
         Some(path) => {
@@ -48,6 +45,13 @@ pub fn start(ros: &NodeOptions, level: &str) -> Result<Receiver<Log>, BridgeErro
         .with_writer(writer);
     tracing_subscriber::registry().with(filter).with(written).with(rosout).init();
     Ok(lines)
+}
+
+/// Returns the least severe level that is shown of each library: [`QUIET`] and then `chosen`, of
+/// which the later counts where both name a library. `None` if `chosen` is empty or not readable.
+fn levels(chosen: &str) -> Option<Targets> {
+    let _: Targets = chosen.parse().ok()?;
+    format!("{QUIET},{chosen}").parse().ok()
 }
 
 /// Logs each silence of a port (time without frames) once, even if the port is reopened several
