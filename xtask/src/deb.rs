@@ -141,7 +141,8 @@ fn package(program: &Path) -> Result<PathBuf, Failure> {
     // Set the permissions explicitly: those of new files depend on the user's umask.
     run(Command::new("chmod").args(["-R", "u=rwX,go=rX"]).arg(&tree), NEXT)?;
     let mut build = Command::new("dpkg-deb");
-    let build = build.args(["--root-owner-group", "--build"]).arg(&tree);
+    // The lowest level takes a quarter of the default's time, and yields a tenth more.
+    let build = build.args(["-Zxz", "-z1", "--root-owner-group", "--build"]).arg(&tree);
     output(build.arg(&package))?;
     Ok(package)
 }

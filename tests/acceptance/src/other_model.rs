@@ -108,15 +108,31 @@ fn cargo(words: &str) -> Command {
     cargo
 }
 
-/// Returns the environment variables that select cargo's folders for builds with other models.
+/// Returns the environment variables that select cargo's folders for builds with other models, and
+/// clippy's driver if it has compiled this program: the crates that do not depend on the model are
+/// then compiled already.
 ///
 /// # Panics
 /// When this program is not in a target folder of cargo.
-pub fn environment() -> [(&'static str, PathBuf); 2] {
+pub fn environment() -> impl Iterator<Item = (&'static str, PathBuf)> {
+    let folders = [("CARGO_BUILD_BUILD_DIR", target()), ("CARGO_TARGET_DIR", programs())];
+    let driver =
+        cfg!(clippy).then(|| ("CARGO_BUILD_RUSTC_WORKSPACE_WRAPPER", "clippy-driver".into()));
+    folders.into_iter().chain(driver)
+}
+
+/// Returns cargo's folder for the programs built with other models.
+///
+/// # Panics
+/// When this program is not in a target folder of cargo.
+pub fn programs() -> PathBuf {
+    target().join("variants")
+}
+
+fn target() -> PathBuf {
     let this = env::current_exe().expect("this program has a path");
     let profile = this.ancestors().nth(2).expect("target/profile/deps/test");
-    let target = profile.parent().expect("a target folder");
-    [("CARGO_BUILD_BUILD_DIR", target.to_owned()), ("CARGO_TARGET_DIR", target.join("variants"))]
+    profile.parent().expect("a target folder").to_owned()
 }
 
 /// Returns cargo's options that give the crates that depend on the model a profile of their own.

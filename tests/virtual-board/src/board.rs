@@ -1,5 +1,6 @@
 //! The virtual board: its settings at power-on, and how it implements the emulator's `Board`.
 
+use std::num::NonZeroU64;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -44,6 +45,9 @@ pub struct Setup {
     /// frequency. It can be 17 to 47 kHz in the STM32F446 and 29.4 to 33.6 kHz in the STM32H743
     /// (DS10693 and DS12110, LSI characteristics).
     pub lsi_hz: Option<u64>,
+    /// Number of instructions that the core completes per second of virtual time; `None` for that
+    /// of the board. A scenario in which the core only waits takes less real time on a slow core.
+    pub instructions_per_second: Option<u64>,
     /// Whether the converters send a don't-care bit between the data of two chips (`Spaced`) or not
     /// (`Packed`).
     pub alignment: Alignment,
@@ -60,6 +64,7 @@ impl Default for Setup {
             converters: Converters::EIGHT,
             clock_hz: 8_000_000,
             lsi_hz: None,
+            instructions_per_second: None,
             alignment: Alignment::Spaced,
             cable: Cable::Uart,
             converters_on: true,
@@ -76,6 +81,7 @@ pub(crate) struct EmulatedBoard {
     image: String,
     observer: Observer,
     cleared: Vec<ClearedBits>,
+    instructions_per_second: NonZeroU64,
 }
 
 impl EmulatedBoard {
@@ -102,7 +108,15 @@ impl EmulatedBoard {
         }];
         chip.attach_spi(chain);
         chip.attach_uart(Box::new(serial));
-        Self { chip, model, image: image.path().display().to_string(), observer, cleared }
+        let speed = setup.instructions_per_second.unwrap_or(model.facts().instructions_per_second);
+        Self {
+            chip,
+            model,
+            image: image.path().display().to_string(),
+            observer,
+            cleared,
+            instructions_per_second: NonZeroU64::new(speed).expect("a speed above 0"),
+        }
     }
 
     /// While `is_held`, makes the USB core never report that its internal bus (AHB) is idle.
@@ -130,7 +144,8 @@ impl Board for EmulatedBoard {
     fn targets(&mut self) -> Vec<Target<'_>> {
         let differences =
             Differences { redirects: self.chip.redirects(), cleared: self.cleared.clone() };
-        let mut core = wrap_core(self.chip.core(), &self.image, &self.observer, differences);
+        let core = self.chip.core(self.instructions_per_second);
+        let mut core = wrap_core(core, &self.image, &self.observer, differences);
         core.factory_images.extend(image::loader(self.model));
         let mcu: &mut dyn Mcu = &mut *self.chip;
         vec![Target::new(self.model.facts().key, mcu, core)]

@@ -1,6 +1,7 @@
 //! Interface between a virtual board and its emulated microcontroller.
 
 use std::fmt;
+use std::num::NonZeroU64;
 
 use rigless::chip::uart;
 use rigless::emulator::CoreSpec;
@@ -99,8 +100,8 @@ mod hse_timer;
 /// An emulated microcontroller: the emulator's model of the part, with added models of peripherals
 /// that the emulator lacks.
 pub(crate) trait Chip: Mcu + fmt::Debug + Send {
-    /// Returns the processor core's configuration, in the emulator's form.
-    fn core(&self) -> CoreSpec;
+    /// Returns the configuration of a core with this speed, in the emulator's form.
+    fn core(&self, instructions_per_second: NonZeroU64) -> CoreSpec;
 
     /// Connects an external clock (HSE) with the frequency `hz`; 0 disconnects it.
     fn set_external_clock(&mut self, hz: u64);

@@ -166,7 +166,7 @@ impl Mcu for F4 {
 
 impl Chip for F4 {
     /// Describes a Cortex-M4F (DS10693, 3.1) that boots from flash (RM0390, 2.4).
-    fn core(&self) -> CoreSpec {
+    fn core(&self, instructions_per_second: NonZeroU64) -> CoreSpec {
         let facts = self.model.facts();
         let lines = u32::from(self.cpu().interrupt_lines);
         let core = Core {
@@ -175,8 +175,7 @@ impl Chip for F4 {
             interrupt_lines: NonZeroU32::new(lines).expect("at least one interrupt"),
             priority_bits: 4,
             refclk_divider: NonZeroU32::new(8).expect("a divider above 0"),
-            instructions_per_second: NonZeroU64::new(facts.instructions_per_second)
-                .expect("a rate above 0"),
+            instructions_per_second,
             boot: "flash",
         };
         let mut config = Config::new(core, &windows(self.bus()));

@@ -160,7 +160,7 @@ impl Mcu for H743 {
 impl Chip for H743 {
     /// Describes a Cortex-M7 r1p1 with 16 KiB each of instruction and data cache (DS12110, 3.1;
     /// PM0253, tables 52, 77 and 81) that boots from flash (RM0433, 2.6).
-    fn core(&self) -> CoreSpec {
+    fn core(&self, instructions_per_second: NonZeroU64) -> CoreSpec {
         let facts = Model::H743.facts();
         let lines = u32::from(self.cpu().interrupt_lines);
         let core = Core {
@@ -169,8 +169,7 @@ impl Chip for H743 {
             interrupt_lines: NonZeroU32::new(lines).expect("at least one interrupt"),
             priority_bits: 4,
             refclk_divider: NonZeroU32::new(8).expect("a divider above 0"),
-            instructions_per_second: NonZeroU64::new(facts.instructions_per_second)
-                .expect("a rate above 0"),
+            instructions_per_second,
             boot: "flash",
         };
         let mut config = Config::new(core, &windows(self.bus()));

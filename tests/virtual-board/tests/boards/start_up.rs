@@ -132,12 +132,16 @@ pub(crate) fn refuses_an_unknown_clock(subject: Subject) -> Result<(), BoardErro
 /// Time limit in us for the watchdog's reset during the start-up: 4096 counts of 32 periods of its
 /// 32 kHz oscillator, and half a second for the work before the hang.
 const START_UP_US: u64 = 4_096_000 + 500_000;
+/// Instructions per second while the core waits for the watchdog, a tenth of the board's speed: the
+/// emulator takes as long for each of them.
+const SLOW: u64 = 25_000_000;
 
 /// Scenario: if USB's core hangs while it is set up, the watchdog restarts the board.
 pub(crate) fn a_hang_during_the_start_up_ends_in_a_reset(
     subject: Subject,
 ) -> Result<(), BoardError> {
-    let mut board = power_on(subject, &subject.setup());
+    let setup = Setup { instructions_per_second: Some(SLOW), ..subject.setup() };
+    let mut board = power_on(subject, &setup);
     board.hold_usb(true);
     board.run_until_us(START_UP_US)?;
     let resets = board.findings()?.resets;

@@ -41,8 +41,7 @@ fn the_commands_of_the_page_decode_the_codes_of_a_cap_with_eight_electrodes() {
     symlink(root.join("files"), folder.join("files")).expect("a link");
     let release = folder.join("target/release");
     fs::create_dir_all(&release).expect("a folder");
-    let [_, (_, programs_of_other_models)] = other_model::environment();
-    let built = programs_of_other_models.join("debug/host-sim");
+    let built = other_model::programs().join("debug/host-sim");
     for (program, path) in
         [("trainer", &trainer), ("host-sim", &built), ("corticode-bridge", &programs().bridge)]
     {
