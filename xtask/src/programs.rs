@@ -22,7 +22,7 @@ pub(crate) fn demo(seconds: u32, seed: u64) -> Result<(), Failure> {
     eprintln!(
         "The whole path of Corticode for {seconds} s: synthetic EEG, virtual board, bridge, ROS master and \
          subscriber, then four pictures in target/demo/.\n\
-         First its programs are built, which takes about two minutes the first time."
+         First its programs are built, which takes a minute and a half the first time."
     );
     let build = format!("{BUILD} --package demo");
     run(&mut cargo(&build), AFTER_A_BUILD)?;
@@ -34,7 +34,7 @@ pub(crate) fn demo(seconds: u32, seed: u64) -> Result<(), Failure> {
 pub(crate) fn live_demo(seed: u64) -> Result<(), Failure> {
     eprintln!(
         "Synthetic EEG, virtual board, bridge and live page, without ROS, until Ctrl-C.\n\
-         First its programs are built, which takes about two minutes the first time."
+         First its programs are built, which takes a minute and a half the first time."
     );
     run(&mut cargo(BUILD), AFTER_A_BUILD)?;
     let programs = target_folder().join("quick");
@@ -69,7 +69,7 @@ pub(crate) fn closed_loop(
 ) -> Result<(), Failure> {
     eprintln!(
         "A closed loop: a recording with cues, virtual board, bridge, classifier, and a picture, target/loop/loop.svg.\n\
-         First its programs are built, which takes about three minutes the first time."
+         First its programs are built, which takes about two minutes the first time."
     );
     let build = format!("{BUILD} --package demo --package trainer");
     run(&mut cargo(&build), AFTER_A_BUILD)?;
