@@ -14,7 +14,7 @@ pub struct Conversion {
     pub drdy_ticks: u32,
     /// Number of samples missed between the previous delivered sample and this one.
     pub missed: u32,
-    /// Set while the current flows that measures the impedance of the electrodes.
+    /// Set if a converter's status word is invalid, so that the counts cannot be trusted.
     pub status_bad: bool,
     /// Set if the converter reports a disconnected electrode.
     pub lead_off: bool,

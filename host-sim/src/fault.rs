@@ -41,7 +41,8 @@ TO it stays. {numbers} Kinds:
 pub struct Fault {
     /// The change of the simulated chain that begins the fault, and the change that repairs it.
     changes: (Change, Change),
-    /// Index of the first ADC sample with the fault, counted from power-on.
+    /// Index of the first ADC sample with the fault, counted from power-on; 0 if the fault is
+    /// present before the chain is initialised.
     from: u64,
     /// Index of the first ADC sample after the repair, counted from power-on; `None` if the fault
     /// is never repaired.

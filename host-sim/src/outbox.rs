@@ -162,7 +162,7 @@ impl Outbox {
         self.lock().dropped
     }
 
-    /// Adds a frame that was numbered but never queued to the number of dropped frames.
+    /// Adds 1 to the number of dropped frames, for a frame that was numbered but never queued.
     pub fn count_dropped(&self) {
         self.lock().drop_frames(1);
     }

@@ -68,8 +68,8 @@ const RAILS: std::ops::RangeInclusive<f64> = -8_388_608.0..=8_388_607.0;
 /// wet electrodes.
 const SENSOR_UV: f64 = 1.0;
 
-/// Endless generator of synthetic EEG: yields samples of 64 counts, each a 24-bit value in an
-/// `i32`.
+/// Generator of synthetic EEG: an endless iterator over samples of 64 counts, each a 24-bit value
+/// in an `i32`.
 #[derive(Debug, Clone)]
 pub struct Generator {
     lsb_uv: f64,

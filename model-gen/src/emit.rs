@@ -108,7 +108,7 @@ pub const INPUT_SCALE_UV: f32 = {input_scale_uv};
 /// Number of sections of each filter cascade.
 pub const SECTIONS: usize = {sections};
 
-/// Number of phases of the resampler: of outputs for every `RESAMPLER.down` input samples.
+/// Phases of the resampler: number of outputs for every `RESAMPLER.down` input samples.
 pub const PHASES: usize = {phases};
 
 /// Taps of each phase: samples from which an output is computed.

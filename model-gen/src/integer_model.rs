@@ -10,9 +10,9 @@ pub struct IntegerLayer {
     pub weights: Vec<i8>,
     /// Bias of each output, in units of the accumulator.
     pub bias: Vec<i32>,
-    /// Requantisation factor of each output, Q0.32. Before the max-pool, a channel that the
-    /// following batch norm multiplies by a negative number has negated weights and a negative
-    /// requantisation factor.
+    /// Requantisation factor of each output, Q0.32. In the convolution before the max-pool, a
+    /// channel that the following batch norm multiplies by a negative number has negated weights
+    /// and a negative requantisation factor.
     pub multipliers: Vec<i32>,
 }
 

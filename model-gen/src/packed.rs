@@ -16,8 +16,8 @@ pub struct PackedIntegers {
     pub input_multiplier: i32,
     /// Limit of a block's misfit energy: the sum of squares, in units of an input value, of the
     /// part of the block that the model does not represent. A block above the limit is a misfit.
-    /// Negative if errors are weighted; in this case the probes (the last coefficients) give the
-    /// energy.
+    /// Negative if errors are weighted; in this case the probes (the last coefficients) serve to
+    /// estimate the energy.
     pub misfit_energy: i64,
     /// Number of a block's inputs that the analysis has processed after each step of a hop.
     slices: Vec<usize>,

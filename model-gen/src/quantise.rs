@@ -192,8 +192,8 @@ impl Norm {
         Ok(Self { factor, offset })
     }
 
-    /// Returns, for each channel, the integer that the norm turns into 0. `scale` is the size of
-    /// one level of |factor| * x.
+    /// Returns, for each channel, the integer that the norm turns into 0. The integer is |factor|
+    /// times the norm's input, in units of `scale`.
     fn padding(&self, scale: f64) -> Result<[i16; CONV1_CHANNELS], ModelGenError> {
         let mut padding = [0; CONV1_CHANNELS];
         let norm = self.factor.iter().zip(&self.offset);

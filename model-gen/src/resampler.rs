@@ -120,7 +120,7 @@ impl ResamplerTable {
     }
 
     /// Returns the complex gain of the prototype at `frequency_hz` for samples at `rate_hz`: the
-    /// mean over all phases of the resampler. Its argument is relative to the time of an output.
+    /// mean over all phases of the resampler. Its phase angle is relative to the time of an output.
     ///
     /// A tone above half of the output rate appears at its alias frequency with this gain. If the
     /// input rate is not a multiple of the output rate, a tone at `f` also has an image, with the

@@ -154,10 +154,11 @@ const TOLERANCE: f32 = 2e-3;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Agreement {
     pub(crate) windows: usize,
-    /// Largest difference between two code values, relative to the RMS of all codes.
+    /// Largest difference between a code value and its reference, relative to the RMS of all
+    /// reference codes.
     pub(crate) codes: f32,
-    /// Largest difference between two reconstructed values, relative to the RMS of all
-    /// reconstructions; `None` if the file has no reconstructions.
+    /// Largest difference between a reconstructed value and its reference, relative to the RMS of
+    /// all reference reconstructions; `None` if the file has no reconstructions.
     pub(crate) reconstructions: Option<f32>,
 }
 

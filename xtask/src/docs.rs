@@ -216,7 +216,7 @@ impl Figure {
     }
 }
 
-/// Formats a number with commas between groups of digits: "1,224,652", "-1,000.50".
+/// Formats a number with commas between groups of three digits: "1,224,652", "-1,000.50".
 fn grouped(value: f64, decimals: usize) -> String {
     let mut number = format!("{value:.decimals$}");
     let first_digit = usize::from(value < 0.0);

@@ -42,7 +42,7 @@ const SLOW_TESTS: &[&str] = &[
     // Tests that compare whole recordings with a reference, or train models.
     "streaming_equals_batch_on", "_numpy::", "packed_python::", "quantise::integer_codes",
     "synthetic_eeg::", "crossval::", "report::",
-    // They simulate minutes or hours.
+    // Tests that simulate minutes or hours.
     "synthetic::tests", "every_scenario_of_the_repository", "rates::stamps_follow", "codes::",
     "an_edge_is_at_most_a_row_from_its_place", "after_a_restart_at_any_phase",
     // Tests that wait for a time limit, or for what a board sends in real time.

@@ -232,7 +232,7 @@ impl Norm {
         }
     }
 
-    /// Returns the largest |gain| * x in `x`, the input of [`Norm::apply`].
+    /// Returns the largest |gain| * value over all values of `x`, the input of [`Norm::apply`].
     pub(crate) fn largest_scaled(&self, x: &Volume) -> f32 {
         let channels = self.gain.iter().enumerate().map(|(channel, gain)| {
             let largest = x.channel(channel).iter().fold(0.0, |a: f32, b| a.max(*b));

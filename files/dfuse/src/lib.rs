@@ -40,7 +40,7 @@ const HEADERS: u32 = 11 + 274 + 8;
 /// Length of the zero-padded field with the target's name, bytes; at least one byte is zero.
 const NAME: usize = 255;
 
-/// A firmware image, with its board, version and model.
+/// A firmware image, with its version, and the board and model that it is for.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Image {
     /// Name of the board, as the device's `Hello` message states it.

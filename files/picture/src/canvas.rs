@@ -20,7 +20,7 @@ pub const FAINT: RGBColor = RGBColor(0x62, 0x70, 0x80);
 pub(crate) const GRID: RGBColor = RGBColor(0xe4, 0xe9, 0xee);
 /// Blue for input signals; in comparisons, for this project's results.
 pub const SOURCE: RGBColor = RGBColor(0x2b, 0x6c, 0xb0);
-/// Orange for output signals; in comparisons, for results of other projects.
+/// Orange for output signals; in comparisons, for all other results.
 pub const RESULT: RGBColor = RGBColor(0xdd, 0x6b, 0x20);
 /// Green for reference values, such as published results or the designed response of a filter.
 pub const REFERENCE: RGBColor = RGBColor(0x2f, 0x85, 0x5a);

@@ -36,8 +36,8 @@ pub(crate) fn signal_count(fixed: &[u8; HEADER_BLOCK]) -> Result<usize, Recordin
 }
 
 /// Returns whether a header whose version field names neither EDF nor BDF is nevertheless an EDF
-/// header: the version is text, and the stated header length fits the number of signals. Emotiv's
-/// programs, for example, write a date as the version.
+/// header: the version is text, and the stated header length is exactly what the number of signals
+/// needs. Emotiv's programs, for example, write a date as the version.
 pub(crate) fn is_other_version(fixed: &[u8; HEADER_BLOCK]) -> bool {
     let is_text = fixed[..8].iter().all(|byte| matches!(byte, b' '..=b'~'));
     let length = signal_count(fixed).map(|signals| HEADER_BLOCK * (1 + signals));

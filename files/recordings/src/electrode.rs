@@ -9,7 +9,7 @@ pub(crate) struct Row {
     inner: &'static str,
     /// Name of the row in labels of columns 7 to 10, at the head's circumference, such as `T`.
     outer: &'static str,
-    /// Distance of the row from the nasion along the midline, in twentieths of its length, 0..=20.
+    /// Distance from the nasion, in twentieths of the midline from nasion to inion, 0..=20.
     pub(crate) twentieths: u8,
     /// True if a column number in this row always means a half column, with or without `h`.
     /// Montages write FFC1 for FFC1h, and no common cap has full columns in such rows.
@@ -54,8 +54,8 @@ const OLD_NAMES: [(&str, &str); 4] = [("T3", "T7"), ("T4", "T8"), ("T5", "P7"), 
 const REFERENCES: [&str; 13] =
     ["REF", "LE", "RE", "AR", "AV", "AVG", "CAR", "A1", "A2", "A1A2", "M1", "M2", "M1M2"];
 
-/// Smallest number of labels such as B7, a letter and a number, from which a recording counts as
-/// made with a cap that has names of its own.
+/// Number of labels such as B7 (a letter and a number) from which a recording counts as made with
+/// a cap that has names of its own.
 const CAP_NAMES_MIN: usize = 8;
 
 /// Returns the name in a label, and the reference that follows a dash. Both are in upper case,
@@ -125,9 +125,10 @@ impl Electrode {
         }
     }
 
-    /// Returns the electrodes that `labels` denote and, in upper case, their common reference if
-    /// [`REFERENCES`] lacks it. A suffix counts as a common reference only if all electrodes, at
-    /// least two different ones, have it; the signals of a bipolar montage share no suffix.
+    /// Returns the electrodes that `labels` denote, as [`Self::parse`] does, and, in upper case,
+    /// their common reference if [`REFERENCES`] lacks it. Such a suffix counts as a reference only
+    /// if all electrodes, at least two different ones, have it; the signals of a bipolar montage
+    /// share no suffix.
     pub(crate) fn parse_all<L: AsRef<str>>(labels: &[L]) -> (Vec<Option<Self>>, Option<String>) {
         let spellings = labels.iter().map(|label| spelling(label.as_ref()));
         let named: Vec<_> =

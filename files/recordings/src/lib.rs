@@ -2,7 +2,7 @@
 //!
 //! Device code that reads from this crate receives the samples that an ADC would deliver, whatever
 //! the rate, unit and channel order of the file. File formats are recognised by content, not by
-//! file name. The diagram lists below each stage its types or data, then its modules:
+//! file name. Below each stage, the diagram lists its types or data, then its modules:
 //!
 //! ```text
 //! file ──> header ──> records ──────> montage ──────────> virtual ADC ──> [i32; 64]

@@ -111,8 +111,8 @@ impl MontageMap {
     /// Finds each electrode of the montage (`electrodes`) among the labels of the recording
     /// (`labels`). [`Electrode::parse`] defines which spellings are equal. If two signals have the
     /// same electrode, the map uses the first signal. If the labels of all electrodes end with the
-    /// name of one reference electrode, this suffix is stripped; if the montage contains the
-    /// reference electrode, its value is 0.
+    /// name of one reference, this suffix is stripped; if the reference is an electrode of the
+    /// montage and is not recorded, its value is 0.
     ///
     /// # Errors
     /// [`MontageMapError`] if the montage is invalid or the recording does not fit it.

@@ -147,7 +147,8 @@ impl VirtualAdc {
         self.samples
     }
 
-    /// Returns the numbers of saturated counts and of non-finite samples since the first record.
+    /// Returns the numbers of saturated counts and of non-finite samples since the start of the
+    /// recording.
     pub fn counters(&self) -> AdcCounters {
         self.conversion.counters
     }

@@ -74,8 +74,8 @@ async fn converse(
     firmware::converse(port, &mut session, start, memory, &SHARED, machine).await;
 }
 
-/// Ends the emulation [`DRAIN_TIMEOUT`] after the last sample of the file; first prints the number
-/// of samples that were read, and the number that the encoder's full queue has dropped.
+/// Ends the emulation [`DRAIN_TIMEOUT`] after the end of the file of samples; first prints the
+/// number of samples that were read, and the number for which the encoder's queue had no room.
 #[embassy_executor::task]
 async fn end() {
     while !FILE_ENDED.load(Relaxed) {

@@ -111,8 +111,8 @@ mod tests {
     #[test]
     fn a_section_or_symbol_in_the_wrong_place_is_named() {
         for (name, address, fault) in [
-            // As if a section .dma had been linked into .bss: the start-up code would zero it,
-            // because it zeroes everything up to `__ebss`.
+            // As if a section .dma had been linked into .bss: the start-up code, which zeroes
+            // everything up to `__ebss`, would zero the section too.
             ("__ebss", 0x5020, "__ebss 0x00005020 is not in RAM"),
             ("__ebss", 0x3000, "__sbss 0x00003008"),
             ("__edata", 0x3041, "__edata"),

@@ -71,7 +71,7 @@ fn main() -> ExitCode {
     ExitCode::FAILURE
 }
 
-/// Prints the flash and RAM of every board's first image as a table, or as one JSON object if
+/// Prints the memory use of every board's first image as a table, or as one JSON object if
 /// `json` is true. Returns one sentence for each fault of any image in `folder`. If
 /// `default_images` is true, prints and checks only the default images.
 fn budget(folder: &Path, json: bool, default_images: bool) -> Result<Vec<String>, String> {

@@ -1,4 +1,4 @@
-//! The board's clock, and the host times of its samples.
+//! The board's clock, and the host times of the board's samples.
 
 use super::file::ClockTable;
 

@@ -100,7 +100,7 @@ pub(super) enum LineKind {
     /// The board's own USB: waits for the host; a restart of the board interrupts it.
     #[default]
     Usb,
-    /// A UART behind an adapter: loses bytes that do not fit the host's buffer; a restart of the
+    /// A UART behind an adapter: loses frames that do not fit the host's buffer; a restart of the
     /// board does not interrupt it.
     Uart,
     /// A network connection: waits for the host, and loses nothing while the network is down.
@@ -276,8 +276,8 @@ pub(super) struct Limits {
     pub(super) settle_s: f64,
     #[serde(deserialize_with = "not_negative")]
     pub(super) unsettled_max_ms: f64,
-    /// Largest allowed error of the time that the fillers of an interruption represent,
-    /// milliseconds.
+    /// Limit for the magnitude of the running sum of all interruptions' errors, milliseconds. The
+    /// error of an interruption is the time that its fillers represent, minus its duration.
     #[serde(deserialize_with = "not_negative")]
     pub(super) gap_error_ms: f64,
     /// Largest allowed fraction of fillers among all rows of a topic. A filler replaces a missing

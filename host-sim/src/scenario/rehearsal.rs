@@ -28,8 +28,8 @@ const HANDLE_US: f64 = 500.0;
 /// Wall clock at the start, nanoseconds since 1970.
 const WALL_START_NS: i64 = 1_700_000_000_000_000_000;
 
-/// Length of the final phase, microseconds. In this phase the line has no random faults, and the
-/// board must confirm that it has stopped.
+/// Time limit of the final phase, microseconds. In this phase the line has no random faults, and
+/// the board must confirm that it has stopped.
 const STOP_US: f64 = 3e6;
 
 /// Shortest time for which a board that restarts sends nothing, microseconds.
@@ -206,7 +206,7 @@ impl<'s> Rehearsal<'s> {
         Ok(rehearsal)
     }
 
-    /// Handles all events that are due before the next sample, then the sample.
+    /// Handles all events that are due up to the time of the next sample, then the sample.
     fn advance(&mut self) -> Result<(), RehearsalError> {
         let sample_us = self.clock.next_sample_us();
         while let (us, next) = self.next()

@@ -11,7 +11,7 @@ use super::schedule::Schedule;
 use super::topic::{Topic, TopicCounts};
 use super::truth::{TopicKind, Truth};
 
-/// Counts of what happened on the line and in the host, which the core's own counts must equal.
+/// Counts of what happened on the line and in the host, taken independently of the core's counts.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Facts {
     /// Frames that arrived undamaged, frames that arrived a second time, and damaged stretches
@@ -45,13 +45,14 @@ pub struct Report {
     pub failures: Vec<String>,
     /// The topics that were streamed.
     pub topics: Vec<TopicCounts>,
-    /// 99th percentile of the errors of the stamps after `limits.settle_s`, less the line's
-    /// shortest delay, milliseconds.
+    /// 99th percentile of the errors of settled stamps, less the line's shortest delay,
+    /// milliseconds. Stamps and events are settled from `limits.settle_s` after a start, a restart
+    /// or a step of the wall clock on.
     pub stamp_p99_ms: f64,
-    /// Largest error of the stamps after `limits.settle_s`, less the shortest delay, milliseconds.
+    /// Largest error of settled stamps, less the shortest delay, milliseconds.
     pub stamp_max_ms: f64,
-    /// Largest error of the stamps and events in the `limits.settle_s` seconds after a start, less
-    /// the line's shortest delay, milliseconds.
+    /// Largest error of stamps and events that are not settled, less the shortest delay,
+    /// milliseconds.
     pub unsettled_max_ms: f64,
     /// Shortest time from a row's last sample to its arrival at the host, milliseconds. All stamps
     /// are late by this time.
@@ -60,11 +61,12 @@ pub struct Report {
     pub edges: u64,
     /// Edges that were published.
     pub edges_published: u64,
-    /// Largest error of the events after `limits.settle_s`, less the shortest delay, milliseconds.
+    /// Largest error of settled events, less the shortest delay, milliseconds.
     pub event_max_ms: f64,
     /// Longest time from the end of a fault to the next row that is not a filler, seconds.
     pub recovery_s: f64,
-    /// Largest error of the time that the fillers of an interruption represent, milliseconds.
+    /// Largest magnitude of the running sum of all interruptions' errors, milliseconds. The error
+    /// of an interruption is the time that its fillers represent, minus its duration.
     pub gap_error_ms: f64,
     /// Frames that the board made.
     pub frames: u64,

@@ -62,7 +62,7 @@ pub(super) struct Topic {
     /// number of row periods that the interruption lasted.
     gap_error: f64,
     pub(super) worst_gap_us: f64,
-    /// Description of the first wrong message; `None` if all were right so far.
+    /// Description of the first error; `None` if there was none so far.
     first_wrong: Option<String>,
 }
 

@@ -66,7 +66,7 @@ pub(super) struct LowPassNoise {
 }
 
 impl LowPassNoise {
-    /// Creates the noise with a random first value. The frequencies `corner` and `rate` are in Hz.
+    /// Creates the noise with a random first value; corner frequency and sample rate are in Hz.
     pub(crate) fn new(corner: f64, rate: f64, noise: &mut Noise) -> Self {
         let pole = pole(corner, rate);
         Self { pole, drive: (1.0 - pole * pole).sqrt(), value: noise.normal() }
@@ -89,7 +89,7 @@ pub(super) struct SmoothNoise {
 }
 
 impl SmoothNoise {
-    /// Creates the noise with a random first value. The frequencies `corner` and `rate` are in Hz.
+    /// Creates the noise with a random first value; corner frequency and sample rate are in Hz.
     pub(crate) fn new(corner: f64, rate: f64, noise: &mut Noise) -> Self {
         let square = pole(corner, rate) * pole(corner, rate);
         Self {

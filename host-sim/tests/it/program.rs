@@ -50,7 +50,7 @@ pub(crate) fn send(port: &mut impl Write, number: u32, command: ToDevice<'_>) {
     sent.expect("the board's port is open");
 }
 
-/// Decodes `bytes`, which must be whole frames, and returns what `select` picks from the messages.
+/// Decodes `bytes`, which must be whole frames, and returns what `select` picks from the frames.
 pub(crate) fn frames<T>(
     mut bytes: &[u8],
     mut select: impl FnMut(Frame<ToHost<'_>>) -> Option<T>,

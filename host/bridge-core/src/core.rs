@@ -45,11 +45,11 @@ impl Core {
     /// has stopped.
     pub const TTY_SILENCE_LIMIT: Duration = Duration::from_secs(5);
     /// Time without a frame after which a TCP connection is reopened. TCP itself detects a broken
-    /// connection earlier. If a suspended device has an intact connection, reopening would lose the
-    /// bytes in this connection.
+    /// connection earlier. An intact connection to a suspended device may hold bytes, which
+    /// reopening would lose.
     pub const TCP_SILENCE_LIMIT: Duration = Duration::from_mins(1);
 
-    /// Creates a core without a connection. Without a model, no codes are decoded.
+    /// Creates a core without a connection. Without a model, codes are published but not decoded.
     pub fn new(settings: Settings, model: Option<Arc<Model>>) -> Core {
         Core { decoder: Decoder::new(), session: Session::new(settings, model) }
     }
@@ -176,7 +176,7 @@ impl Core {
 
     /// Converts the host time `now` to device time, microseconds, and to the wall-clock time that
     /// stamps use, nanoseconds since 1970. The device time comes from the fit of the clocks, so it
-    /// is `None` before the first frame, and late by the same amount as stamps, see
+    /// is `None` before the first frame, and too small by as much as stamps are late, see
     /// [`Clock`](crate::Clock).
     pub fn times_at(&mut self, now: HostTime) -> (Option<i64>, i64) {
         self.session.times_at(now)
@@ -277,9 +277,9 @@ pub trait Effects {
     fn send(&mut self, frame: &[u8]);
 
     /// Reports how the stamps of the following frames and events relate to the host's time. Stamps
-    /// of frames are `_offset_ns` nanoseconds ahead of the host's monotonic time. Stamps of events
-    /// are in addition `_event_shift_us` microseconds behind the events. Called before each message
-    /// of the device is handled.
+    /// of frames are `_offset_ns` nanoseconds larger than the host's monotonic time. Stamps of
+    /// events are also `_event_shift_us` microseconds later than the events. Called before each
+    /// message of the device is handled.
     fn note_stamps(&mut self, _offset_ns: i64, _event_shift_us: i64) {}
 
     /// Called with every frame from the device, before the core handles the frame.
@@ -325,7 +325,8 @@ pub trait Effects {
     /// Publishes an event on `/events/bus`, such as an edge of the trigger input or a loss of data.
     fn publish_event(&mut self, _event: &NeuroEvent, _place: EventPlace) {}
 
-    /// Publishes the impedance of the electrodes, every one to two seconds while it is measured.
+    /// Publishes the impedance of the electrodes. While it is measured, this is about every second,
+    /// or every two seconds at an ADC rate of 250 Hz.
     fn publish_impedance(&mut self, _report: &ImpedanceReport) {}
 
     /// Compares the device's code with the float network's code for the same window. Called only if

@@ -1,4 +1,5 @@
-//! Impedance of the electrodes, which the device measures every one to two seconds.
+//! Impedance of the electrodes, which the device measures about every second, or every two seconds
+//! at an ADC rate of 250 Hz.
 
 use std::fmt;
 

@@ -51,8 +51,8 @@ pub struct Query {
     since_us: i64,
     pending: Option<PendingCommand>,
     device: Option<(u32, DeviceSummary)>,
-    /// Number of ADC channels, and labels of the electrodes on the first of these channels. `None`
-    /// until the device has reported them.
+    /// Number of ADC channels, and labels of the electrodes, which are the first of these channels.
+    /// `None` until the device has reported them.
     montage: Option<(usize, Vec<String>)>,
     outgoing: Vec<u8>,
 }

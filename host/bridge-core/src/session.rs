@@ -486,8 +486,8 @@ impl Session {
         let Some(codes) = &mut self.codes else { return };
         let hops = Streams::CODES | Streams::PACKED | Streams::FEATURES;
         let streams = stats.streams != stats.streams.without(hops);
-        // If the bridge asked for other streams only, such as events, the device counts as running
-        // as soon as it reports any stream.
+        // If the bridge asked for none of these streams, only for others such as events, the device
+        // counts as running if it reports any stream.
         let asked = self.commands.streams();
         let runs = if asked == asked.without(hops) { !stats.streams.is_empty() } else { streams };
         if runs {
@@ -725,7 +725,8 @@ impl Session {
         self.commands.self_test = SelfTestState::NotWanted;
     }
 
-    /// Asks a device that does not stream to test its converters. Returns why this is impossible.
+    /// Asks a device that does not stream to test its converters. The error says why the device
+    /// cannot be asked, and what the user can do.
     pub(crate) fn start_self_test(&mut self) -> Result<(), &'static str> {
         if !self.introduced || self.codes.is_none() {
             return Err("no device answers; connect it and try again");

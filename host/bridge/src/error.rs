@@ -199,8 +199,8 @@ pub enum BridgeError {
         /// Names of all parameters that the bridge knows.
         known: String,
     },
-    /// A parameter on the parameter server has a value that no option can have. Holds its full
-    /// name.
+    /// A parameter on the parameter server has a value that no option can have. Holds the
+    /// parameter's full name.
     #[error("the parameter {0} is neither text, number, truth value nor list; set it again")]
     ParameterType(String),
     /// The port does not open, or is lost during a request. Unlike the streaming bridge, `selftest`

@@ -160,7 +160,7 @@ impl NewModel {
         refuse_existing(&self.folder)?;
         match self.written(artifact) {
             Ok(()) => {
-                // The folder has its final name now, so keep it when `unfinished` is dropped.
+                // The folder has its final name now, so dropping `unfinished` must remove nothing.
                 let _ = self.unfinished.keep();
                 Ok(self.folder)
             }

@@ -58,12 +58,12 @@ pub(crate) trait Machine {
 
     fn open(&mut self, id: Self::LoaderId) -> io::Result<Self::Loader>;
 
-    /// Shows a line of text to the user.
+    /// Returns the time since a fixed instant.
     fn now(&self) -> Duration;
 
     fn sleep(&mut self, time: Duration);
 
-    /// Shows the user a line.
+    /// Shows a line of text to the user.
     fn note(&mut self, line: &str);
 }
 

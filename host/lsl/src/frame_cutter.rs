@@ -3,7 +3,7 @@
 /// Fraction of a sample's deviation by which the later expected times are corrected. A clock that
 /// is off by 1 % then deviates by half a sample, and the jitter within a chunk averages out.
 const GAIN: f64 = 0.02;
-/// Deviation of a sample's time, seconds, above which the samples before this one count as missing.
+/// Deviation of a sample's time, seconds, above which samples count as missing before this sample.
 /// Programs that stamp whole chunks on arrival cause smaller deviations.
 const LEAST_GAP_S: f64 = 0.25;
 /// Amount by which the frame numbers jump when the sender restarts.

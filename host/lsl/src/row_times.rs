@@ -5,9 +5,8 @@ use bridge_core::StampPoint;
 /// Largest difference between a measured period and the nominal one, as a fraction. The bridge
 /// follows clocks that are off by up to 4 %.
 const MAX_ERROR: f64 = 0.045;
-/// Number of measurements of the period whose median is used: those of the newest 1 s of frames. A
-/// median is used because some measurements are wrong while the fit of the device's clock settles
-/// or moves.
+/// Number of newest measurements of the period, 1 s of frames, whose median is used: some of these
+/// measurements are wrong while the fit of the device's clock settles or moves.
 const MEASUREMENTS: usize = 15;
 /// Shortest time from one sample to the next, microseconds. Successive readings of the offset to
 /// liblsl's clock differ by less than this, so the times also increase on that clock.
@@ -49,7 +48,7 @@ impl RowTimes {
     ///
     /// Times always increase. If the fit of the device's clock has stepped back by more than a
     /// period, this frame would begin before the end of the previous frame; its samples are then
-    /// spaced more closely, and the last sample keeps its time.
+    /// spaced more closely. The last sample keeps its time if the step is shorter than the frame.
     pub(crate) fn of_frame(
         &mut self,
         stamp_us: f64,
@@ -150,7 +149,7 @@ mod tests {
         let least = all.windows(2).map(|pair| pair[1] - pair[0]);
         let least = least.fold(f64::INFINITY, f64::min);
         assert!(least > LEAST_STEP_US - 1e-6, "{least} us");
-        // The last sample of a frame has its own time again, after a step by less than a frame.
+        // In the fifth frame after a step, the last sample has its own time again.
         let last_us = (15.0 * 32.0 - 1.0) * period_us - 4e3;
         assert!((all[15 * 32 - 1] - last_us).abs() < 1e-6);
         let last_us = (20.0 * 32.0 - 1.0) * period_us - 80e3;

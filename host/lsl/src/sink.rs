@@ -34,8 +34,8 @@ impl Default for StampScale {
 }
 
 impl StampScale {
-    /// Sets how far stamps are ahead of the host's monotonic time, nanoseconds, and how far stamps
-    /// of events are behind the events themselves, microseconds.
+    /// Sets by how much stamps are larger than the host's monotonic time, nanoseconds, and by how
+    /// much stamps of events are later than the events themselves, microseconds.
     pub fn set(&self, offset_ns: i64, event_shift_us: i64) {
         self.offset_ns.store(offset_ns, Ordering::Relaxed);
         self.event_shift_us.store(event_shift_us, Ordering::Relaxed);

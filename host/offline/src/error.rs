@@ -22,7 +22,8 @@ pub enum OfflineError {
     /// The file of codes cannot be decoded.
     #[error("{} cannot be decoded", .0.display())]
     Codes(PathBuf, #[source] CodeFileError),
-    /// Packed blocks were asked for, but the built-in model has no packed code. Holds its id.
+    /// Packed blocks were asked for, but the built-in model has no packed code. Holds the model's
+    /// id.
     #[error(
         "model {0} has no packed code, so there are no packed blocks to write; add one with \
          `trainer packed` and build this program with that model, or write codes"
@@ -49,7 +50,7 @@ pub enum OfflineError {
     /// The name of an output cannot be used, or the output cannot be created or completed.
     #[error(transparent)]
     NewFile(#[from] NewFileError),
-    /// An output cannot be written.
+    /// An output cannot be written, because the operating system or the format's writer refuses.
     #[error("{} cannot be written; is the disk full?", .0.display())]
     Write(PathBuf, #[source] io::Error),
     /// The format cannot hold the signal, or needs a regular file as the output.

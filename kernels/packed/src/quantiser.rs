@@ -59,8 +59,8 @@ pub fn update_state(magnitudes: &[Magnitude], rate: Rate, state: &mut [i16]) {
     }
 }
 
-/// Returns the value at which a decoder reconstructs a magnitude, in steps: `2 * magnitude -
-/// quantiser`, or 0 for the magnitude 0.
+/// Returns the value that a magnitude stands for, in steps: `2 * magnitude - quantiser`, or 0 for
+/// the magnitude 0.
 #[inline(always)]
 pub(crate) fn point(magnitude: u16, quantiser: usize) -> i32 {
     let odd = i32::from(quantiser == 1 && magnitude > 0);

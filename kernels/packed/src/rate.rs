@@ -65,7 +65,8 @@ impl Rate {
     }
 
     /// Converts `magnitude`, below 2^17, from units of a coefficient to 1/256 of a step, rounded
-    /// down. The result is below 2^22 and exact, as a test of every magnitude and rate shows.
+    /// down. The result is below 2^22. It is exact although the reciprocal is rounded up, as a test
+    /// of every magnitude and rate shows.
     pub(crate) fn in_steps(self, magnitude: u32) -> i32 {
         let reciprocal = Self::RECIPROCALS[usize::from(self.0) % RATES];
         #[expect(clippy::cast_possible_truncation, reason = "below 2^17 * 2^31 / 2^26")]

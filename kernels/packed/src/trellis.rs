@@ -15,8 +15,8 @@ const UNREACHED: i32 = 1 << 29;
 pub const MAX_COEFFICIENTS: usize = 256;
 
 /// Which path survived in each of the four states after a coefficient. Two bits per state: bit 0 is
-/// set if the path came from the second of the two possible states, bit 1 if it chose magnitude 0
-/// over a larger even magnitude.
+/// set if the path came from the second of the two states that lead there, bit 1 if it chose
+/// magnitude 0 over a larger even magnitude.
 pub type Survivors = u8;
 
 /// Chooses the magnitudes of a block by the Viterbi algorithm. They minimise the sum of squared

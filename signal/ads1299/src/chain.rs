@@ -301,7 +301,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         Ok(())
     }
 
-    /// Sends `bytes`, replaces them with the received bytes, and waits for the last bit.
+    /// Sends `bytes`, replaces them with the received bytes, and waits until the last bit is out.
     pub(crate) async fn transfer(&mut self, bytes: &mut [u8]) -> Result<(), Error> {
         let bus = |error: Spi::Error| Error::Bus(error.kind());
         self.spi.transfer_in_place(bytes).await.map_err(bus)?;

@@ -45,7 +45,7 @@ impl Clock {
         (cycles as u64 * 1_000_000_000).div_ceil(self.hz as u64)
     }
 
-    /// Returns the duration of `cycles` in microseconds, rounded up; `cycles <= 2^22` (2.8 s).
+    /// Returns the duration of `cycles` in microseconds, rounded up; `cycles <= 2^22` (< 2.8 s).
     #[expect(clippy::cast_possible_truncation, reason = "less than 2.8e6")]
     pub const fn microseconds(self, cycles: u32) -> u32 {
         self.nanoseconds(cycles).div_ceil(1000) as u32

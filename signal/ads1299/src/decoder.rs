@@ -82,7 +82,7 @@ impl<const CHIPS: usize> Decoder<CHIPS> {
         self.alignment
     }
 
-    /// Decodes a frame into counts by chip and channel, sign-extended: |count| <= 2^23.
+    /// Decodes a frame into `counts` by chip and channel, sign-extended: |count| <= 2^23.
     ///
     /// `BYTES` is [`frame_bytes`] for the number of chips, checked at compile time. For a bad chip,
     /// `counts` receives the bits at the chip's position in the frame, whatever they are.

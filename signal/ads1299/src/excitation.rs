@@ -27,8 +27,8 @@ impl Settings {
 
 impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, Line, Delay, CHIPS> {
     /// Writes the registers of the excitation while the chips convert: SDATAC, WREG, RDATAC. Only
-    /// samples that end during the writes are lost, because the filters restart only when CONFIG1
-    /// is written. SCLK stays at the frequency of bursts, which is not too fast for writes.
+    /// samples that end during the writes are lost: the filters do not restart, because CONFIG1
+    /// keeps its value. SCLK stays at the frequency of bursts, which is not too fast for writes.
     async fn write_excitation(&mut self, settings: Settings) -> Result<(), Error> {
         self.command_all(opcode::SDATAC, settings).await?;
         let written = self.write_excitation_registers(settings).await;

@@ -4,8 +4,8 @@
 //! The chips share the clock, SCLK, MOSI, START and RESET; each chip has its own chip select.
 //! [`Wiring`] says how their data outputs reach MISO: as a daisy chain, in which one burst with all
 //! chips selected reads a whole sample, or directly, with a burst for each chip. Registers are read
-//! chip by chip; in a daisy chain, a resistor from each DOUT to MISO makes this possible
-//! (`docs/decisions/0011-daisy-chain-with-read-back.md`).
+//! chip by chip; in a daisy chain, a resistor from each DOUT except chip 0's to MISO makes this
+//! possible (`docs/decisions/0011-daisy-chain-with-read-back.md`).
 //!
 //! ```text
 //! Chain (SPI, pins) ── Sampler::read ──▶ bytes ── Decoder ──▶ [[i32; 8]; CHIPS] counts, and FrameStatus:

@@ -17,8 +17,8 @@ use crate::settings::Settings;
 #[cfg(any(test, feature = "impedance"))]
 const BYTE_US: u64 = 18;
 
-/// Delivers exactly one sample per period: a real sample or, while the chain is silent, a flagged
-/// repetition of the last counts.
+/// Delivers a sample per period in any case: a real sample or, while the chain is silent, a flagged
+/// repetition of the last counts. The first samples of a silence are counted as missed instead.
 ///
 /// When no chip has delivered a valid sample for the retry time, the chain is brought up again,
 /// because its supplies may have come on late or failed for a while. The stages of the bring-up run

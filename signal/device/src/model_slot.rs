@@ -302,7 +302,7 @@ impl PackedContent {
 
 impl LinearContent {
     /// Returns whether the linear code fits the input and the code format of the built-in model.
-    /// The weights need no check, because no weights can make a sum overflow: a sum over 32 steps
+    /// Weights and factors need no check, because none can make a sum overflow: a sum over 32 steps
     /// of 64 inputs is below 2^26.
     fn is_sound(&self) -> bool {
         let is_scale = |scale: &f32| scale.is_finite() && *scale > 0.0;
@@ -311,8 +311,8 @@ impl LinearContent {
             && self.scales.scale.iter().all(is_scale)
     }
 
-    /// Returns the built-in network with the linear code's weights as its shortcut. Its
-    /// convolutions contribute nothing, because their factors are 0.
+    /// Returns the built-in network with the linear code's weights as its shortcut. The
+    /// convolutions contribute nothing, because the fully connected layer's factors are 0.
     fn network(&self) -> Network<'_> {
         const ZEROS: &[i32; CODE] = &[0; CODE];
         Network {

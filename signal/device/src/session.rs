@@ -47,7 +47,7 @@ pub struct Session<'i> {
 
 impl<'i> Session<'i> {
     /// Creates the session of a device that has just started; call [`Self::introduce`] before any
-    /// other method.
+    /// other method that sends messages.
     pub fn new(identity: Identity<'i>, abilities: Abilities, mains: Mains) -> Self {
         Self {
             identity,
@@ -91,8 +91,8 @@ impl<'i> Session<'i> {
         self.uploaded.map_or(model::MODEL_ID, |model| model.id)
     }
 
-    /// Returns the streams that a `Start` can request: the board's streams, without codes that a
-    /// host with the uploaded model could not decode.
+    /// Returns the streams that a `Start` can request: the board's streams, without codes and
+    /// audits if a host with the uploaded model could not decode the codes.
     fn streams(&self) -> Streams {
         match self.uploaded {
             Some(UploadedModel { code_scales: None, .. }) => {

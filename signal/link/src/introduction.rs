@@ -28,8 +28,8 @@ pub struct Hello<'a> {
     /// Cause of the last start, from the microcontroller's reset flags or from the failure record
     /// that survives a reset.
     pub reset_cause: ResetCause,
-    /// Fault of this start, such as a damaged model or a missing clock, or of the previous run, as
-    /// its panic message or fault registers; empty without a fault. At most [`MAX_TEXT_BYTES`]
+    /// Fault of this start (such as a damaged model or a missing clock), or of the previous run
+    /// (its panic message or fault registers); empty without a fault. At most [`MAX_TEXT_BYTES`]
     /// bytes.
     pub fault: &'a str,
 }

@@ -153,8 +153,8 @@ pub enum ToDevice<'a> {
     },
     /// 6: restart, a tenth of a second after the `Ack`.
     Reset(ResetInto),
-    /// 7: set the rate of the packed code; it takes effect with the next block, and the device
-    /// keeps it until it restarts. Accepted at any time, also during a run.
+    /// 7: set the rate of the packed code from the next block on. Accepted at any time, also during
+    /// a run; the device keeps the rate until it restarts.
     SetRate {
         /// New rate, 0 to [`MAX_RATE`](crate::MAX_RATE); any other is refused with `BadArgument`.
         /// Each step up quantises 3 dB more coarsely.

@@ -151,8 +151,7 @@ mod tests {
 
     #[test]
     fn a_step_between_two_samples_carries_its_offset() {
-        // Resampling from 1000 Hz to 128 Hz has 16 phases between two samples, which are 62.5 us
-        // apart.
+        // Resampling from 1000 Hz to 128 Hz has 16 phases, 62.5 us apart, between two samples.
         let offsets = [0, 1, 4, 15].map(|phase| offset_us(phase, 16, 1_000));
         assert_eq!(offsets, [0, 62, 250, 937]);
     }

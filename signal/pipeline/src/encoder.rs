@@ -92,7 +92,7 @@ impl EncoderMemory {
         self.steps = 0;
     }
 
-    /// Encodes the next step with the built-in network; returns a code if a window is complete.
+    /// Encodes the next step with the built-in network; returns a code if it completes a window.
     pub fn encode_step(&mut self, step: &Step) -> Option<Code> {
         self.encode_step_with(step, &NETWORK)
     }

@@ -10,8 +10,8 @@ pub(crate) const NETWORKS: usize = 16;
 
 /// Largest number of rows of Winograd tiles in a random convolution.
 const TILE_ROWS: usize = 3;
-/// Largest number of output channels of a random convolution: with 6, Winograd's memory would not
-/// fit a board's 32 KB stack.
+/// Largest number of output channels of a random convolution: with 6, the memory of the Winograd
+/// convolution would not fit a board's 32 KB stack.
 const OUTPUTS: usize = 4;
 /// Largest number of input rows of a random first convolution.
 const ROWS: usize = 10;
@@ -65,8 +65,8 @@ impl Draw {
         1 + (self.0.next() >> 16) as usize % most
     }
 
-    /// Draws a weight from -127 to 127: 127 or -127 with probabilities of 1/8 each, otherwise a
-    /// uniform one.
+    /// Draws a weight from -127 to 127: 127 and -127 with a probability of 1/8 each, otherwise
+    /// uniformly distributed.
     fn weight(&mut self) -> i8 {
         let [.., choice, any] = self.0.next().to_le_bytes();
         match choice % 8 {

@@ -11,8 +11,8 @@ use artifact::{Description, PackedFigures, PackedModel, reconstruction};
 use nalgebra::DMatrix;
 use packed::Rate;
 
-/// Number of blocks from one block without prediction to the next. The 64 blocks last 4 s, the same
-/// interval as on a device.
+/// Number of blocks from one block without prediction to the next, as on a device: 4 s if a block
+/// has eight steps.
 const RESET: usize = 64;
 
 /// Number of blocks at each end of a sequence that are excluded from errors: at the start, the

@@ -64,7 +64,8 @@ impl Ridge {
     /// `penalty` times the sum of the squared weights.
     ///
     /// # Errors
-    /// If all inputs are zero and the penalty is 0, or an input is not finite.
+    /// If there are no pairs, an input is not finite, or the inputs are linearly dependent and the
+    /// penalty is 0.
     pub(crate) fn solve(mut self, penalty: f64) -> Result<DMatrix<f64>, FitError> {
         for index in 0..self.inputs.nrows() {
             self.inputs[(index, index)] += penalty * self.pairs as f64;

@@ -74,8 +74,8 @@ impl Transform {
     }
 
     /// Fits a transform like [`Self::fit`], but in the space in which `metric` is the sum of
-    /// squares, and appends [`PROBES`] directions without signal ([`quiet_probes`]). `theta` is the
-    /// mean squared error of a coefficient at the base rate, in units of `input.sd_uv` squared.
+    /// squares, and appends [`PROBES`] directions with little signal ([`quiet_probes`]). `theta` is
+    /// the mean squared error of a coefficient at the base rate, in units of `input.sd_uv` squared.
     pub(crate) fn fit_weighted(
         blocks: &Blocks,
         count: usize,

@@ -13,7 +13,8 @@ use packed_fit::band_pass::band_passed;
 use packed_fit::{FitError, Track, features};
 use std::ops::Range;
 
-/// Default number of filters, before rounding down to a multiple of the number of classes.
+/// Default number of filters, before rounding down to a multiple of the number of classes. With
+/// more classes than this, the default is one filter for each class.
 const FILTERS: usize = 6;
 /// Fraction of a class's covariance that is replaced by white noise of the same power.
 const SHRINKAGE: f64 = 0.01;

@@ -27,7 +27,7 @@ pub(crate) struct ClassifyOptions {
     #[arg(long, value_name = "S")]
     pub(super) window: Option<f64>,
     /// Number of spatial filters in all, up to 8 and a multiple of the number of classes [default:
-    /// 6, or the next smaller multiple].
+    /// 6, or the next smaller multiple, but at least one for each class].
     #[arg(long)]
     pub(super) filters: Option<usize>,
     /// File to write the classifier to.

@@ -75,7 +75,7 @@ impl Fold {
 /// time.
 ///
 /// # Errors
-/// If [`folds`] fails; [`TrainerError::OnePerson`] if only one subject could be left out.
+/// If [`folds`] fails; [`TrainerError::OnePerson`] if the only subject would have to be left out.
 pub(super) fn plan(
     subjects: &[Subject],
     options: &CrossvalOptions,

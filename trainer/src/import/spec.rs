@@ -97,9 +97,8 @@ impl Spec {
         "imported".clone_into(&mut card.optimiser);
     }
 
-    /// Returns the name in the file of a tensor of this project. The longest entry of `names` that
-    /// matches the tensor or its layer determines the name; without such an entry, the name is
-    /// unchanged.
+    /// Returns the name that the file uses for this project's tensor `name`: determined by the
+    /// longest entry of `names` that matches the tensor or its layer; `name` without such an entry.
     pub(super) fn name_in_file(&self, name: &str) -> String {
         let entry = self.names.iter().filter_map(|(ours, theirs)| {
             let rest = name.strip_prefix(ours.as_str())?;

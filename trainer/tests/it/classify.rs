@@ -44,7 +44,8 @@ fn an_evaluation_states_what_classifiers_lose_and_less_with_a_weighted_code() {
         let classifiers = &json["classifiers"];
         assert!(classifiers["original_auc"].as_f64().is_some_and(|auc| auc > 0.95));
         let figure = |rate: usize, name: &str| classifiers["codes"][rate][name].as_f64();
-        // The finest rate allows good decisions; at the coarsest rate, the error hides the signal.
+        // The finest rate allows good decisions; at the coarsest rate, the error has more than half
+        // the power of the signal.
         assert!(figure(0, "auc").is_some_and(|auc| auc > 0.95), "{json}");
         assert!(figure(15, "snr_db").is_some_and(|snr| snr < 3.0), "{json}");
         [2, 4].map(|rate| figure(rate, "snr_db").expect("a ratio"))

@@ -84,8 +84,8 @@ fn a_packed_model_alone_needs_no_network() {
 
     let log = folder.fail(ALONE, 2);
     assert!(log.contains("--force"), "{log}");
-    // A block with half the steps has half the values and cannot have more coefficients than
-    // values.
+    // A block with half the steps has 32 values and cannot have more coefficients, so the default
+    // is reduced to 32.
     folder.succeed(&format!("{ALONE} --force --hop=4"));
     let toml = folder.read("alone/packed.toml");
     assert!(toml.contains("coefficients = 32"), "{toml}");

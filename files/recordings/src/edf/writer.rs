@@ -20,8 +20,8 @@ const MAX_RECORDS: u64 = 99_999_999;
 /// a point, and the bytes 0x14, 0x14, 0.
 const TIME_STAMP: usize = 20;
 
-/// An annotation to write: its text, and the range of its rows (a row is one sample of each
-/// signal). An empty range means an instant; the annotation then has no duration.
+/// An annotation to write: the range of its rows (a row is one sample of each signal), and its
+/// text. An empty range means an instant; the annotation then has no duration.
 pub type RowAnnotation = (Range<u64>, String);
 
 /// The properties in which EDF+ and BDF+ differ.
@@ -191,7 +191,7 @@ impl<W: Write + Seek> EdfWriter<W> {
 /// signal's range, because the header states the ends of the range in at most 8 characters.
 ///
 /// # Errors
-/// `InvalidInput` if the range is not finite, or if its ends are equal in 8 characters.
+/// `InvalidInput` if the range is not finite, or if its ends, written in 8 characters, are equal.
 fn calibration(signal: &SignalToWrite, variant: Variant) -> io::Result<Calibration> {
     let [least, most] = signal.range;
     let [least, most] = if least < most { [least, most] } else { [least - 1.0, least + 1.0] };
@@ -230,7 +230,8 @@ fn list((rows, text): &RowAnnotation, rate_hz: u32) -> Vec<u8> {
     format!("+{stamp}\x14{text}\x14\0").into_bytes()
 }
 
-/// Returns the time zone that the variable `TZ` names, or else this machine's zone, or else UTC.
+/// Returns the time zone that the variable `TZ` names; if `TZ` is not set, this machine's zone, or
+/// UTC if it has none.
 fn zone() -> io::Result<TimeZone> {
     match TimeZone::try_system() {
         Err(_) if env::var_os("TZ").is_some_and(|zone| !zone.is_empty()) => Err(invalid(

@@ -7,8 +7,8 @@ use super::low_pass::{LowPass, weighted_sum};
 /// Largest number of input samples from one output to the next, which bounds the number of taps.
 const STEP_MAX: f64 = 1000.0;
 
-/// Input samples that are no longer needed are removed from the queue when there are this many of
-/// them: so many that moving the remaining samples costs little per sample.
+/// Smallest number of used input samples that are removed from the queue at once, so large that
+/// moving the remaining samples costs little per sample.
 const USED_MAX: usize = 4096;
 
 /// Converts several signals to another rate without a time shift: output k is exactly the input at

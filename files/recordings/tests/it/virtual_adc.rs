@@ -189,7 +189,7 @@ fn electrodes_can_combine_signals_of_different_rates() {
     assert_eq!(counts.len(), 8 * 512);
     for sample in &counts {
         let uv = sample.map(|count| f64::from(count) * ADS1299.lsb_uv);
-        // Cz and Pz are each equally far from C3 and C4, so both are their mean: 150 uV.
+        // Cz and Pz are each equally far from C3 and C4, so both are the mean of C3 and C4: 150 uV.
         for (found, expected) in uv.iter().zip([150.0, 100.0, 200.0, 150.0, 0.0]) {
             let error = (found - expected).abs();
             assert!(error < HALF_COUNT_UV, "{found} uV, expected {expected}");

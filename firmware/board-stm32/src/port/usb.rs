@@ -171,7 +171,8 @@ impl Handler for DisableEndpoints {
 }
 
 fn wait_for(flag: impl Fn() -> bool) {
-    // If the flag is never set, the driver waits for the endpoint, as it does without this handler.
+    // If the flag is not set within the limit, the driver waits for the endpoint, as it would
+    // without this handler.
     let _ = (0..MAX_POLLS).any(|_| flag());
 }
 

@@ -15,7 +15,7 @@ const DRIFT: i64 = 25;
 
 /// Finds out whether the source is faster than real time, by comparing the device's time with the
 /// host's. Such a source, for example `host-sim run --fast`, waits for its reader and loses nothing
-/// when the bridge stops reading. A device in real time cannot wait: its queue is too short.
+/// when the bridge stops reading. A device in real time cannot wait: its queue holds some seconds.
 ///
 /// A backlog that arrives after a stall does not count as faster than real time, because the host's
 /// time went on during the stall.

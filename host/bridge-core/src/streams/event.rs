@@ -75,8 +75,8 @@ impl EventStream {
     }
 }
 
-/// Number of newest edges that are stored. Levels are looked up at most one frame, 62.5 ms, after
-/// an edge, and 256 edges are not expected in this time.
+/// Number of newest edges that are stored. A level is looked up for a sample that is usually at
+/// most one frame, 62.5 ms, old, and 256 edges are not expected in this time.
 const MAX_EDGES: usize = 256;
 
 /// Level of the trigger input at each ADC sample, reconstructed from the received edges.
@@ -218,7 +218,7 @@ impl EventBus {
         self.shift_us = shift_us;
     }
 
-    /// Returns how far the stamps of events are behind the events themselves, microseconds.
+    /// Returns by how much the stamps of events are later than the events, microseconds.
     pub(crate) fn shift_us(&self) -> i64 {
         self.shift_us
     }

@@ -23,8 +23,8 @@ pub(crate) struct HopTimeline {
     pub(crate) device: Arc<Device>,
     /// Which stream is decoded for `/neurodata_reconstructed`, and whether it can be decoded.
     pub(crate) decoding: Decoding,
-    /// Whether the device is known to have sent the stream since its last restart, from an item, a
-    /// `Stats` message or an acknowledgement.
+    /// Whether the device is known to have started the stream since its last restart: an item, a
+    /// `Stats` message or an acknowledgement has shown it.
     running: bool,
     /// Device time of the newest item, received or missing, microseconds.
     last_device_us: Option<u64>,
@@ -151,7 +151,7 @@ impl HopTimeline {
         self.running = true;
     }
 
-    /// Returns whether the device is known to have sent the stream since its last restart.
+    /// Returns whether the device is known to have started the stream since its last restart.
     pub(crate) fn is_running(&self) -> bool {
         self.running
     }

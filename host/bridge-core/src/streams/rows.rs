@@ -39,10 +39,11 @@ impl NextRow {
 
 /// Start of a recording by `rosneuro_recorder`: the first frame that it takes, and when.
 ///
-/// The recorder writes every frame. It places an event at the row (stamp of the event - arrival of
-/// the first frame) * rate, with the rate that the frames state, which is never exactly the rate of
-/// the device's clock. A stamp that places an event at a given row therefore follows from the
-/// number of rows since the start, not from the time of the row.
+/// The recorder writes every frame. It places an event at the row (stamp of the event - start) *
+/// rate. The start is the arrival of the first frame minus the frame's duration. The rate is stated
+/// in the frames, and is never exactly the rate of the device's clock. A stamp that places an event
+/// at a given row therefore follows from the number of rows since the start, not from the time of
+/// the row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RecordingStart {
     /// Number of rows that were published on the topic before the recording's first row.
@@ -71,7 +72,8 @@ impl RecordingStart {
     ///
     /// The stamp is 1.5 rows later than the row. The recorder's library, libxdffileio, counts rows
     /// from 0, but GDF and its readers count from 1: one row corrects this. The library also rounds
-    /// down. The half row allows the first frame to arrive up to half a row late.
+    /// down: with the half row, the result is still right if the first frame arrives up to half a
+    /// row after its publication.
     pub fn stamp(&self, row: u64) -> Stamp {
         let half_rows = 2 * i128::from(row.saturating_sub(self.first_row)) + 3;
         let since_ns = half_rows * 500_000_000 / i128::from(self.rate_hz);

@@ -41,8 +41,8 @@ pub(crate) struct SampleStream {
     /// Device time of the unfinished frame's first sample, microseconds.
     first_us: i128,
     /// Host time at which the unfinished frame's first sample was at the electrodes, microseconds,
-    /// as fitted when that sample arrived; `None` without a fit. It replaces `first_us`, which is
-    /// meaningless if the device restarts before the frame is complete.
+    /// as fitted when that sample arrived; `None` without a fit. It replaces `first_us` if the
+    /// device restarts before the frame is complete, because `first_us` is then meaningless.
     first_host_us: Option<f64>,
     /// Index, within the topic, of the next sample to publish.
     next: u64,

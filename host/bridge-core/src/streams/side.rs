@@ -77,7 +77,7 @@ impl SideStreams {
         self.device = Some(Arc::clone(device));
     }
 
-    /// Sets how far the stamps of events are behind the events. Call this after
+    /// Sets by how much the stamps of events are later than the events. Call this after
     /// [`Self::set_device`]. `decoded` is the stream decoded for `/neurodata_reconstructed`.
     pub(crate) fn set_event_shift(&mut self, decoded: DecodedStream) {
         let Some(device) = &self.device else { return };

@@ -226,9 +226,9 @@ impl Fit {
         Line { drift, offset: lags.fold(f64::INFINITY, f64::min) }
     }
 
-    /// Returns the spread of the least delays, microseconds: the upper quartile of the differences
-    /// between the least delay of a group of blocks and the mean of its two neighbours. A change of
-    /// rate hardly changes the spread.
+    /// Returns the spread of the least delays, microseconds: the upper quartile of the absolute
+    /// differences between the least delay of a group of blocks and the mean of the least delays of
+    /// the two neighbouring groups. A change of rate hardly changes the spread.
     fn spread_us(&self, line: Line) -> f64 {
         let blocks = self.blocks_in(SPREAD_SPAN_US);
         let lags = self.lags(self.blocks.len() % blocks, line);

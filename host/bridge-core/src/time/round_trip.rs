@@ -16,10 +16,10 @@
 //! After a restart of the device, the first code can be read much later than the others, and then
 //! reveals little about the start of the new run. A query before the stream starts reveals more.
 //! Consider a frame that the device makes together with the answer, and that is delayed no more
-//! than the earliest codes are. The host reads this frame at the latest when it reads the answer,
-//! plus the upper bound above. This latest time is the first point of the new fit. It is too late
-//! by at most the transfer times of two round trips: the shortest before the restart, and the
-//! shortest before the start.
+//! than the earliest codes are. The host reads this frame no later than the time at which it reads
+//! the answer plus the upper bound above. This latest time is the first point of the new fit. It is
+//! too late by at most the transfer times of two round trips: the shortest before the restart, and
+//! the shortest before the start.
 
 use std::collections::VecDeque;
 
@@ -62,7 +62,7 @@ impl RoundTrips {
     }
 
     /// Returns whether an answer that arrives before the stream starts can anchor the clock of the
-    /// new run. This takes a bound from before the restart of the time by which stamps are late.
+    /// new run. This needs a bound, from before the restart, of the time by which stamps are late.
     pub(crate) fn can_anchor(&self) -> bool {
         self.late_before_us.is_some()
     }

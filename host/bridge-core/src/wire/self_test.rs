@@ -56,7 +56,8 @@ impl SelfTestState {
         };
     }
 
-    /// Ends a running self-test as failed for the reason `why`, such as a restart of the device.
+    /// Ends a self-test that is due or running as failed, for the reason `why`, such as a restart
+    /// of the device.
     pub(crate) fn interrupt(&mut self, why: &str) {
         if self.is_underway() {
             *self = SelfTestState::Failed(format!("{why} during its self-test; try again"));

@@ -113,7 +113,7 @@ pub(crate) struct ClockQuery {
     due_us: Option<i64>,
     /// Sequence number of the newest clock query, and its host time in microseconds.
     sent: Option<(u32, i64)>,
-    /// Whether the device has refused a clock query, as older firmware does. It gets no more
+    /// Whether the device has refused a clock query, as older firmware does. If so, it gets no more
     /// queries.
     refused: bool,
     /// Number of clock queries still to be sent before the stream starts.

@@ -20,8 +20,8 @@ use crate::error::{BridgeError, causes};
 use crate::lock;
 use crate::wire::connection::Event;
 
-/// Name of a recording, with the time in UTC. It contains no character that a file system rejects
-/// or a shell interprets.
+/// Format of a recording's name: the time in UTC, without characters that a file system rejects or
+/// a shell interprets.
 const NAME: &str = "corticode-%Y%m%dT%H%M%SZ";
 /// Largest number appended to the name when several recordings begin within a second.
 const MAX_NUMBER: u32 = 9;
@@ -237,7 +237,7 @@ impl LiveRecording {
         }
     }
 
-    /// Records a marker. Returns whether it fits into the file's queue; `None` without a recording.
+    /// Records a marker. Returns whether the file accepts it; `None` without a recording.
     pub(crate) fn marker(&mut self, text: &str, at: HostTime) -> Option<bool> {
         let active = self.active.as_mut()?;
         let lost_bytes = active.lost_bytes;

@@ -47,8 +47,8 @@ pub fn start(ros: &NodeOptions, level: &str) -> Result<Receiver<Log>, BridgeErro
     Ok(lines)
 }
 
-/// Returns the least severe level that is shown of each library: [`QUIET`] and then `chosen`, of
-/// which the later counts where both name a library. `None` if `chosen` is empty or not readable.
+/// Returns the least severe level to show of each library: the levels in [`QUIET`], overridden by
+/// those in `chosen`. `None` if `chosen` is empty or not readable.
 fn levels(chosen: &str) -> Option<Targets> {
     let _: Targets = chosen.parse().ok()?;
     format!("{QUIET},{chosen}").parse().ok()

@@ -60,8 +60,8 @@ pub(crate) struct Sinks {
     pub(super) view: Option<Arc<View>>,
     /// The streams of the Lab Streaming Layer; `None` without this outlet.
     pub(super) lsl: Option<Lsl>,
-    /// Offsets that convert stamps to the clock of the Lab Streaming Layer; `None` without the
-    /// outlet of this layer.
+    /// Offsets that convert stamps to the host's monotonic time, for the Lab Streaming Layer;
+    /// `None` without this outlet.
     pub(super) scale: Option<Arc<StampScale>>,
     /// Number of steps from the first step of a reconstructed frame to the last step of the window
     /// that completes the frame.

@@ -8,7 +8,7 @@ use crate::update::programmer::{CLEAR_STATUS, DNLOAD, ERASE, ERASED, Loader as _
 use crate::update::simulated_board::{Runs, SimulatedBoard};
 use crate::update::{UpdateError, update};
 
-/// Name, flash layout as the chip's loader describes it, and transfer size of each board.
+/// Name, flash layout as the chip's loader is said to describe it, and transfer size of each board.
 const H743: (&str, &str, u16) = ("NUCLEO-H743ZI2", "@Internal Flash   /0x08000000/16*128Kg", 1024);
 const F446: (&str, &str, u16) =
     ("NUCLEO-F446RE", "@Internal Flash  /0x08000000/04*016Kg,01*064Kg,03*128Kg", 2048);

@@ -17,8 +17,8 @@ use crate::device::Device;
 use crate::process::{Bridge, wait_until};
 use crate::simulated_machine::{BOARD, Descriptor, OTHER, SimulatedMachine};
 
-/// Shell script that mounts `dev` and `sys` of the folder `$1` over those of the machine, and runs
-/// the rest of its arguments. `/dev/pts` stays the machine's.
+/// Shell script for a mount namespace of its own: mounts `dev` and `sys` of the folder `$1` over
+/// the machine's, and runs the rest of its arguments. `/dev/pts` stays the machine's.
 const SCRIPT: &str = r#"
 mkdir -p "$1/dev/pts" && touch "$1/dev/null" \
     && mount --bind /dev/null "$1/dev/null" && mount --rbind /dev/pts "$1/dev/pts" \

@@ -56,8 +56,8 @@ async fn each_recorder_gets_an_event_at_its_own_place_and_others_at_its_time() {
     let graph = Graph::new().await;
     let streams = ["--streams=codes,raw,events", "--announce=raw", "--stamp=arrival"];
     let _bridge = graph.bridge_with(&streams);
-    // Every 20 ms, the board makes 32 samples, which are 62.5 ms at the stated rate. Sample 32 (10
-    // n - 1) has edge n; the row of an edge is the number of its sample.
+    // Every 20 ms, the board makes 32 samples, which are 62.5 ms at the stated rate. Edge n is at
+    // sample 32 (10 n - 1); the row of an edge is the number of its sample.
     let row = |number: i64| 32 * (10 * number - 1);
     for name in ["recorder1", "recorder2"] {
         let (first, [earliest_ns, latest_ns], events) = record(&graph, name, true).await;

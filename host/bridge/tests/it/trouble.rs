@@ -62,8 +62,8 @@ fn log_of(port: &str, time: Duration) -> String {
 
 #[test]
 fn a_port_that_sends_something_else_is_logged_once() {
-    // Long enough for the bridge to log a silence (after 5 s), and to reopen a port that closes by
-    // itself many times (every 250 ms).
+    // Long enough for the bridge to log a silence (after 5 s), and to reopen many times a port that
+    // always closes (every 250 ms).
     for (lines, time) in [(u32::MAX, 12), (5, 3)] {
         let log = log_of(&stranger(lines), Duration::from_secs(time));
         let said = log.matches("nothing here speaks Corticode").count();

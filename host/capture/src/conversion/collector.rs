@@ -204,9 +204,8 @@ impl<L: Listener> Collector<L> {
         self.newest[place] = Some(block.clone());
     }
 
-    /// Returns the time by which the first step of a code or packed block was at the electrodes
-    /// before the device time of the code or block, microseconds. `steps` returns the number of
-    /// steps in the code or block.
+    /// Returns how long before the device time of a code or packed block its first step was at the
+    /// electrodes, microseconds. `steps` returns the number of steps in the code or block.
     fn delay_us(&self, steps: impl Fn(&Device) -> u8) -> i64 {
         self.device.as_ref().map_or(0, |device| {
             let lookback = u32::from(steps(device)) - 1;

@@ -47,8 +47,8 @@ pub struct Replayer<R> {
     restarted: bool,
     /// Time in the recording at which the recorded device was started, microseconds.
     started_us: i64,
-    /// Time on the host's clock minus time in the recording, microseconds; `None` from a `Start`
-    /// until the first frame is sent.
+    /// Time on the host's clock minus time in the recording, microseconds; `None` until the first
+    /// frame after a `Start` is played.
     offset_us: Option<i64>,
     /// Next frame to send: its time in the recording, microseconds, and its bytes.
     next: Option<(i64, Vec<u8>)>,

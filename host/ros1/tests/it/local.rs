@@ -121,8 +121,7 @@ pub(crate) async fn wait_for_subscribers(publisher: &Publisher, subscribers: usi
     wait_until("the subscribers", async || publisher.subscribers() == subscribers).await;
 }
 
-/// Waits until the node knows that its master answers, or if `is_online` is false, that it does
-/// not.
+/// Waits until the node knows that its master answers or, if `is_online` is false, does not answer.
 pub(crate) async fn wait_for_master(node: &Node, is_online: bool) {
     let mut status = node.master_status();
     let is_wanted = |status: &MasterStatus| (*status == MasterStatus::Online) == is_online;

@@ -8,8 +8,9 @@ use super::evidence::{Evidence, Sums};
 use super::{ElectrodeMask, MAX_EXCLUDED, Table, WINDOW};
 
 /// Energy of the innovation (measurement minus prediction) that excludes an electrode, as a
-/// multiple of the electrode's typical innovation energy; at most [`MOST_USUAL`]. The energy of the
-/// prediction is added to this limit, because a larger signal is predicted with a larger error.
+/// multiple of the electrode's typical innovation energy. This energy limit is at most
+/// [`MOST_USUAL`]. The energy of the prediction is added to it, because a larger signal is
+/// predicted with a larger error.
 const EXCLUDING: u64 = 50;
 /// Largest value of the energy limit that [`EXCLUDING`] yields: 70 uV RMS. Without it, an electrode
 /// whose innovation was large in training, for example over a temporal muscle, would be excluded
@@ -116,9 +117,9 @@ impl Judge {
     }
 }
 
-/// Returns up to `most` electrodes that are not in `others` and whose excess is more than half of
-/// the largest excess. A smaller excess can come from a bad electrode, which spoils the predictions
-/// of others.
+/// Returns up to `most` electrodes that are not in `others` and whose excess is above `EXCESS_ONE`
+/// and more than half of the largest excess. A smaller excess can come from a bad electrode, which
+/// spoils the predictions of others.
 fn largest(mut excess: [u32; ELECTRODES], others: ElectrodeMask, most: usize) -> ElectrodeMask {
     let mut rest = others;
     for excess in &mut excess {

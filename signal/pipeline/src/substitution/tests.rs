@@ -264,8 +264,8 @@ fn a_short_pop_excludes_no_electrode() {
     }
 }
 
-/// Faults that begin in window 4, counted from 0, and end with window 13: each is found within the
-/// stated number of windows, no other electrode is excluded, and the electrode returns 10 s later.
+/// Faults from window 4, counted from 0, to the end of window 13: each is found within the stated
+/// number of windows, no other electrode is excluded, and the electrode returns 10 s after the end.
 #[test]
 fn each_fault_is_found_and_the_electrode_returns() {
     const BAD: usize = 30;

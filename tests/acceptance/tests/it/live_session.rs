@@ -192,8 +192,8 @@ fn draw(browser: &Browser, is_dark: bool, shown: &str, name: &str) {
     browser.prefer_dark(false);
 }
 
-/// Converts the recording. Checks that each table has each of the two markers once, and no fillers
-/// from before the recording began.
+/// Converts the recording. Checks that each table has each of the two markers once, and does not
+/// begin with fillers for the time before the recording.
 fn marker_is_converted(folder: &Path, file: &Path) {
     let name = file.display().to_string();
     let mut converting: Process = bridge(folder, "converting", &["convert", &name, "--to=csv"]);

@@ -29,8 +29,8 @@ const TOLERANCE_S: f64 = 0.03;
 const CALM: Duration = Duration::from_secs(3);
 /// Duration of the restart of a board and of the interruption of a cable.
 const OUTAGE: Duration = Duration::from_secs(2);
-/// Time for which the bridge's process is stopped after the outage. It is longer than the DDS lease
-/// of the bridge's subscriber, which is 10 s.
+/// Time for which the bridge's process stays stopped after the outage. It is longer than the DDS
+/// lease of the bridge's subscriber, which is 10 s.
 const STOP: Duration = Duration::from_secs(11);
 /// Time from the end of the first stop of the bridge's process to a second stop, and duration of
 /// the second stop. It is shorter than the time for which the bridge's messages wait.

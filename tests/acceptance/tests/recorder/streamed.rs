@@ -97,8 +97,8 @@ impl Streamed {
     }
 
     /// Checks that each edge of the trigger input has a marker between the samples around it, and
-    /// that each beginning and end of fillers has a marker at its sample. Further markers may only
-    /// repeat the level: after lost samples, the edge between two markers can be lost.
+    /// that each beginning and end of fillers has a marker at its sample. Further markers within
+    /// `times` may only repeat the level: after lost samples, the edge between two can be lost.
     fn check_markers(&self, recorded: &Recorded, times: &[f64]) {
         let samples = 0..times.len();
         let fillers: Vec<bool> = samples.map(|sample| recorded.is_filler(sample)).collect();

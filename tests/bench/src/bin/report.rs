@@ -9,8 +9,8 @@ fn main() -> std::process::ExitCode {
     bench::report::main()
 }
 
-/// Panic handler for a microcontroller. Such a build does nothing; it exists because the lints
-/// check all programs of this crate for that target too.
+/// Panic handler, which a build for a microcontroller needs. Such a build does nothing; it exists
+/// because the lints check all programs of this crate for that target too.
 #[cfg(target_os = "none")]
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo<'_>) -> ! {

@@ -98,7 +98,7 @@ impl Report {
         Ok(Self { benchmark, limits, object, faults, next })
     }
 
-    /// Returns an error that names all figures beyond their limits.
+    /// Returns an error that names all figures beyond their limits, if there are any.
     pub(crate) fn outcome(&self) -> anyhow::Result<()> {
         let (benchmark, faults, next) = (self.benchmark, self.faults.join("; "), self.next);
         ensure!(faults.is_empty(), "the benchmark `{benchmark}` failed: {faults}\n  next: {next}");

@@ -1,5 +1,4 @@
-//! Runs images, reads the figures that they print, and measures how many bytes they load into
-//! flash.
+//! Runs images, reads the figures that they print, and reads the bytes that they load into flash.
 
 use std::collections::BTreeSet;
 use std::fs;

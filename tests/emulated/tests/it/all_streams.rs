@@ -249,8 +249,8 @@ impl Edges {
     }
 
     /// Returns whether a board may lose exactly the events of the edges `lost` (indices in
-    /// `at_us`): at least one event of each burst, no more events than overflow the board's queue,
-    /// and no event outside the bursts.
+    /// `at_us`): of each burst at least one event and at most as many as overflow the board's
+    /// queue, and no event outside the bursts.
     fn may_lack(&self, lost: &[usize]) -> bool {
         let in_burst = |first: &usize| {
             let burst = *first..first + BURST_EDGES;

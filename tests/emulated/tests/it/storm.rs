@@ -98,7 +98,7 @@ impl Message<'_> for Unknown {
     const DIRECTION: u8 = ToDevice::DIRECTION;
 }
 
-/// Returns a script with a hundred commands a second for the duration of `samples` samples: all
+/// Returns a script with a hundred commands a second for the duration of `samples` samples: random
 /// commands that do not end the stream, wrong arguments, repetitions and garbage. It is the same in
 /// every run.
 fn storm(samples: usize) -> Script {
@@ -137,7 +137,7 @@ fn add_command(script: &mut Script, at_us: u64, random: &mut ChaCha8Rng) {
     }
 }
 
-/// Adds bytes that are no command, and a zero, which separates them from the next frame.
+/// Adds bytes that are no valid command, and a zero, which separates them from the next frame.
 fn add_garbage(script: &mut Script, at_us: u64, random: &mut ChaCha8Rng) {
     let ping = frames::frame(7, VERSION, &ToDevice::Ping);
     let mut bytes = match random.random_range(0..6) {

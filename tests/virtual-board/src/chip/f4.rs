@@ -134,8 +134,8 @@ impl Mcu for F4 {
 
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
         self.part.reset(at, cause);
-        // Change the temperature, because the firmware derives the session id from its readings:
-        // with the same temperature, every start would have the same id.
+        // Change the temperature, because the firmware derives the session id from readings of the
+        // temperature: if they were the same, every start would have the same id.
         let warmer = i32::try_from(at.0 / 1_000_000 % 1_000).unwrap_or_default();
         self.part.adc[0].set_temperature(2_500 + warmer);
         self.exti.reset_registers();

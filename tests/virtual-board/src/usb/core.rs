@@ -332,15 +332,15 @@ impl Core {
         u32::try_from((self.bus.first_frame + passed) & 0x7FF).unwrap_or_default()
     }
 
-    /// Returns how many frames have passed the point `offset` ns after their start by the time
-    /// `at`, which is in ns.
+    /// Returns how many frames have reached the point `offset` ns after their start by the time
+    /// `at` (inclusive), which is in ns.
     fn frames_at(&self, at: u64, offset: u64) -> u64 {
         let first = self.bus.frames_from.map(|from| from + offset);
         let since = first.and_then(|first| at.checked_sub(first));
         since.map_or(0, |since| since / FRAME_NS + 1)
     }
 
-    /// Returns whether, since the time `cleared` in ns, a frame has passed the point `offset` ns
+    /// Returns whether, since the time `cleared` in ns, a frame has reached the point `offset` ns
     /// after its start.
     fn frame_instant_since(&self, cleared: u64, offset: u64) -> bool {
         self.frames_at(self.now, offset) > self.frames_at(cleared, offset)

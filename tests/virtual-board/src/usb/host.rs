@@ -266,7 +266,7 @@ impl Host {
         }
     }
 
-    /// Returns the time in ns at which the host next has to act; `None` if it waits for the device.
+    /// Returns the time in ns at which the host next has to act; `None` if nothing is due.
     fn next_due(&mut self, now: u64, core: &Core) -> Option<u64> {
         let phase = match self.phase {
             Phase::Debounce(until) | Phase::Reset(until) | Phase::Recovery(until) => Some(until),

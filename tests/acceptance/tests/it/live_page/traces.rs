@@ -107,7 +107,7 @@ pub(super) fn two_streams_and_the_average_are_those_on_the_wire(browser: &Browse
 
 /// Moves the cursor through eight events. Each edge must be at the sample where the level of the
 /// trigger changes in the JSON lines, which is the first sample at or after the time of the edge.
-/// Decoded signals are checked too, by the time of the edge.
+/// For decoded signals, only the time of the edge is checked.
 pub(super) fn events_are_at_their_samples(browser: &Browser, shown: &Shown) {
     for (stream, topic, rate) in STREAMS {
         choose(browser, "stream", stream);

@@ -58,8 +58,7 @@ struct KernelCount {
 ///
 /// Figures with `shortcut` in their names include the linear shortcut, which the built-in network
 /// has. From the other figures, the instructions of the shortcut's matrix products are subtracted.
-/// These instructions are counted in a separate run and divided evenly among the time steps of a
-/// hop.
+/// These instructions are counted separately and divided evenly among the time steps of a hop.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Figures {
     /// Sum, over the time steps of a hop, of each step's largest instruction count.

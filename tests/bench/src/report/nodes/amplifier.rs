@@ -94,7 +94,7 @@ impl Amplifier {
         Amplifier { sent, stop, thread: Some(thread) }
     }
 
-    /// Returns the times at which the last frame of each window was sent, for both topics.
+    /// Returns the times at which the frame with each window's last step was sent, for both topics.
     pub(super) fn times(&self) -> [Times; 2] {
         self.sent.each_ref().map(SharedTimes::so_far)
     }

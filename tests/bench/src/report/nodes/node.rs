@@ -111,7 +111,7 @@ async fn wait_for_subscribers(publishers: &[Publisher]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Returns the name of the node in rospy that reports print. It states whether the node `encodes`.
+/// Returns the name of the node in rospy for reports. The name states whether the node `encodes`.
 fn rival_name(encodes: bool) -> &'static str {
     if encodes { "through rospy, scipy and PyTorch" } else { "through rospy, nothing encoded" }
 }

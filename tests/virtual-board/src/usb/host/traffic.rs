@@ -17,8 +17,8 @@ fn wire_ns(len: usize) -> u64 {
 }
 
 impl Host {
-    /// Returns the next time, in ns, at which a transaction starts or ends or the control transfer
-    /// times out.
+    /// Returns the next time, in ns, at which a control transfer starts or times out or a
+    /// transaction ends.
     pub(super) fn traffic_due(&mut self, now: u64, core: &Core) -> Option<u64> {
         if self.transfer.is_none() && self.has_request() {
             return Some(now);
