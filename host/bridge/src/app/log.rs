@@ -50,7 +50,9 @@ pub fn start(ros: &NodeOptions, level: &str) -> Result<Receiver<Log>, BridgeErro
 /// Returns the least severe level to show of each library: the levels in [`QUIET`], overridden by
 /// those in `chosen`. `None` if `chosen` is empty or not readable.
 fn levels(chosen: &str) -> Option<Targets> {
-    let _: Targets = chosen.parse().ok()?;
+    if chosen.trim().is_empty() {
+        return None;
+    }
     format!("{QUIET},{chosen}").parse().ok()
 }
 
@@ -81,6 +83,27 @@ impl SilenceLog {
             tracing::warn!(
                 "the device at {port} is silent; waiting for it, and reopening the port if it stays silent"
             );
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tracing::Level;
+
+    use super::*;
+
+    #[test]
+    fn the_later_of_two_levels_counts_and_an_unreadable_choice_is_none() {
+        let chosen = levels("info,ros1=debug").expect("levels");
+        assert!(chosen.would_enable("bridge", &Level::INFO));
+        assert!(!chosen.would_enable("bridge", &Level::DEBUG));
+        assert!(chosen.would_enable("ros1::node", &Level::DEBUG));
+        assert!(!chosen.would_enable("rustdds::dds", &Level::WARN));
+        let verbose = levels("rustdds=debug").expect("levels");
+        assert!(verbose.would_enable("rustdds::dds", &Level::DEBUG));
+        for unreadable in ["", " ", "ros1=loud"] {
+            assert_eq!(levels(unreadable), None, "{unreadable:?}");
         }
     }
 }
