@@ -141,7 +141,7 @@ fn package(program: &Path) -> Result<PathBuf, Failure> {
     // Set the permissions explicitly: those of new files depend on the user's umask.
     run(Command::new("chmod").args(["-R", "u=rwX,go=rX"]).arg(&tree), NEXT)?;
     let mut build = Command::new("dpkg-deb");
-    // The lowest level takes a quarter of the default's time; the package is a tenth larger.
+    // This low level takes a quarter of the default's time; the package is a tenth larger.
     let build = build.args(["-Zxz", "-z1", "--root-owner-group", "--build"]).arg(&tree);
     output(build.arg(&package))?;
     Ok(package)

@@ -14,7 +14,7 @@ use crate::clock_map::ClockMap;
 use crate::description::{Acquisition, Shape, StreamKind, events_info};
 use crate::liblsl::{CallError, Functions, Outlet};
 use crate::library::Library;
-use crate::row_times::RowTimes;
+use crate::row_times::{IncreasingTimes, RowTimes};
 use crate::sink::{EventSink, Frame, FrameSink, Job, SinkMaker, StampScale};
 
 /// Longest time between two readings of the clocks.
@@ -114,6 +114,7 @@ struct Signal {
     outlet: Outlet,
     shape: Arc<Shape>,
     times: RowTimes,
+    increasing: IncreasingTimes,
     /// Whether the newest sample was a filler.
     fills: bool,
 }
@@ -143,7 +144,7 @@ impl Streams {
                 }
                 Ok(Job::Event { text, host_us, queue }) => {
                     queue.take();
-                    self.mark(&text, host_us)?;
+                    self.mark(&text, self.clock.lsl_s(host_us).unwrap_or_default())?;
                 }
                 Err(RecvTimeoutError::Timeout) => {}
                 Ok(Job::End) | Err(RecvTimeoutError::Disconnected) => break,
@@ -191,22 +192,21 @@ impl Streams {
         let Some(signal) = self.signals.get_mut(kind.name()) else {
             return Ok(());
         };
-        let host_us = signal
-            .times
-            .of_frame(frame.stamp_us, frame.fillers.len(), frame.fillers.contains(&true))
-            .collect::<Vec<f64>>();
-        let times_s = host_us.iter().map(|us| self.clock.lsl_s(*us).unwrap_or_default());
-        let times_s: Vec<f64> = times_s.collect();
+        let (rows, holds_fillers) = (frame.fillers.len(), frame.fillers.contains(&true));
+        let host_us = signal.times.of_frame(frame.stamp_us, rows, holds_fillers);
+        let times_s = host_us.map(|us| self.clock.lsl_s(us).unwrap_or_default());
+        let mut times_s: Vec<f64> = times_s.collect();
+        signal.increasing.apply(&mut times_s);
         let mut marks = Vec::new();
-        for (is_filler, host_us) in frame.fillers.iter().zip(&host_us) {
+        for (is_filler, time_s) in frame.fillers.iter().zip(&times_s) {
             if std::mem::replace(&mut signal.fills, *is_filler) != *is_filler {
                 let change = if *is_filler { "begin" } else { "end" };
-                marks.push((format!("filler {change} {}", kind.name()), *host_us));
+                marks.push((format!("filler {change} {}", kind.name()), *time_s));
             }
         }
         signal.outlet.push(&frame.values, &times_s)?;
-        for (text, host_us) in marks {
-            self.mark(&text, host_us)?;
+        for (text, time_s) in marks {
+            self.mark(&text, time_s)?;
         }
         Ok(())
     }
@@ -217,13 +217,13 @@ impl Streams {
             outlet: Outlet::new(&info)?,
             shape: Arc::clone(shape),
             times: RowTimes::new(shape.rate_hz, self.options.stamp),
+            increasing: IncreasingTimes::default(),
             fills: false,
         })
     }
 
-    /// Sends an event that happened at the host time `host_us`, microseconds.
-    fn mark(&self, text: &str, host_us: f64) -> Result<(), CallError> {
-        let time_s = self.clock.lsl_s(host_us).unwrap_or_default();
+    /// Sends an event with a time on liblsl's clock, seconds.
+    fn mark(&self, text: &str, time_s: f64) -> Result<(), CallError> {
         match &self.events {
             Some(events) => events.push_text(text, time_s),
             None => Ok(()),

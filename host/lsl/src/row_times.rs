@@ -8,9 +8,11 @@ const MAX_ERROR: f64 = 0.045;
 /// Number of newest measurements of the period, 1 s of frames, whose median is used: some of these
 /// measurements are wrong while the fit of the device's clock settles or moves.
 const MEASUREMENTS: usize = 15;
-/// Shortest time from one sample to the next, microseconds. Successive readings of the offset to
-/// liblsl's clock differ by less than this, so the times also increase on that clock.
-const LEAST_STEP_US: f64 = 10.0;
+/// Shortest time from one sample to the next, seconds.
+const LEAST_STEP_S: f64 = 1e-7;
+/// Largest step back, seconds, that is hidden: more than a fit of the device's clock steps while it
+/// settles. After a larger one, the earlier times were wrong.
+const MOST_BACK_S: f64 = 0.1;
 
 /// Estimates the period of a stream's samples from the times of its frames, and returns the time of
 /// each sample. All times are microseconds of the host's clock.
@@ -21,10 +23,15 @@ pub(crate) struct RowTimes {
     /// Ring of the newest measurements of the period; at first, all are the nominal period.
     measured_us: [f64; MEASUREMENTS],
     next: usize,
-    /// Stamp of the previous frame, and its number of samples; `None` if it held fillers.
-    previous: Option<(f64, usize)>,
-    /// Time of the newest sample.
-    newest_us: f64,
+    previous: Option<Previous>,
+}
+
+/// A frame whose times have been computed.
+#[derive(Clone, Copy, Debug)]
+struct Previous {
+    stamp_us: f64,
+    rows: usize,
+    holds_fillers: bool,
 }
 
 impl RowTimes {
@@ -38,17 +45,13 @@ impl RowTimes {
             measured_us: [nominal_us; MEASUREMENTS],
             next: 0,
             previous: None,
-            newest_us: f64::NEG_INFINITY,
         }
     }
 
     /// Returns the times of the `rows` samples of a frame with this stamp, evenly spaced by the
     /// period measured from the frames so far. The frame itself adds a measurement, unless it
-    /// `holds_fillers`: the stamps of fillers only divide a gap evenly.
-    ///
-    /// Times always increase. If the fit of the device's clock has stepped back by more than a
-    /// period, this frame would begin before the end of the previous frame; its samples are then
-    /// spaced more closely. The last sample keeps its time if the step is shorter than the frame.
+    /// `holds_fillers`: the stamps of fillers divide a gap evenly. If they are closer to each other
+    /// than samples at that period, so are the fillers' samples, which end before the next frame.
     pub(crate) fn of_frame(
         &mut self,
         stamp_us: f64,
@@ -57,15 +60,18 @@ impl RowTimes {
     ) -> impl Iterator<Item = f64> + use<> {
         #[expect(clippy::cast_precision_loss, reason = "some hundred samples")]
         let count = |rows: usize| rows as f64;
-        let newest = (!holds_fillers).then_some((stamp_us, rows));
-        let previous = std::mem::replace(&mut self.previous, newest);
-        if let Some((before_us, rows_before)) = previous.filter(|_| !holds_fillers) {
-            let measured = (stamp_us - before_us) / count(rows_before.max(1));
+        let newest = Previous { stamp_us, rows, holds_fillers };
+        let previous = self.previous.replace(newest);
+        let measured = previous
+            .map(|before| (before, (stamp_us - before.stamp_us) / count(before.rows.max(1))));
+        if let Some((before, measured)) = measured
+            && !holds_fillers
+            && !before.holds_fillers
             // A larger difference is a gap or a step of the clock.
-            if (measured / self.nominal_us - 1.0).abs() < MAX_ERROR {
-                self.measured_us[self.next] = measured;
-                self.next = (self.next + 1) % MEASUREMENTS;
-            }
+            && (measured / self.nominal_us - 1.0).abs() < MAX_ERROR
+        {
+            self.measured_us[self.next] = measured;
+            self.next = (self.next + 1) % MEASUREMENTS;
         }
         let mut sorted = self.measured_us;
         sorted.sort_by(f64::total_cmp);
@@ -74,20 +80,39 @@ impl RowTimes {
         // for a second and has just found the rate, the newest measurement is right.
         let mut choice = [self.nominal_us, newest, sorted[MEASUREMENTS / 2]];
         choice.sort_by(f64::total_cmp);
-        let mut period_us = choice[1];
-        let mut first_us = match self.point {
+        let closer = measured.filter(|(_, measured)| holds_fillers && *measured > 0.0);
+        let period_us = closer.map_or(choice[1], |(_, measured)| measured.min(choice[1]));
+        let first_us = match self.point {
             StampPoint::First => stamp_us,
             StampPoint::Last | StampPoint::Arrival => {
                 stamp_us - period_us * count(rows.saturating_sub(1))
             }
         };
-        let last_us = first_us + period_us * count(rows.saturating_sub(1));
-        if first_us < self.newest_us + LEAST_STEP_US {
-            period_us = ((last_us - self.newest_us) / count(rows.max(1))).max(LEAST_STEP_US);
-            first_us = self.newest_us + period_us;
-        }
-        self.newest_us = first_us + period_us * count(rows.saturating_sub(1));
         (0..rows).map(move |row| first_us + period_us * count(row))
+    }
+}
+
+/// Makes the times of a stream's samples increase, as recorders expect.
+///
+/// While the fit of the device's clock settles, it can step back by more than a sample's period. The
+/// first samples of the next frame would then be earlier than the last ones of the previous frame.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct IncreasingTimes {
+    newest_s: Option<f64>,
+}
+
+impl IncreasingTimes {
+    /// Moves each of the next samples' times, seconds, that is not after the time before it to just
+    /// after that time. Steps back by more than [`MOST_BACK_S`] remain.
+    pub(crate) fn apply(&mut self, times_s: &mut [f64]) {
+        for time_s in times_s {
+            if let Some(newest_s) = self.newest_s
+                && *time_s > newest_s - MOST_BACK_S
+            {
+                *time_s = time_s.max(newest_s + LEAST_STEP_S);
+            }
+            self.newest_s = Some(*time_s);
+        }
     }
 }
 
@@ -118,42 +143,36 @@ mod tests {
     }
 
     #[test]
-    fn fillers_that_stretch_over_a_gap_do_not_change_the_rate() {
+    fn fillers_end_before_the_next_frame_and_do_not_change_the_rate() {
         let mut times = RowTimes::new(128, StampPoint::First);
         let mut stamp_us = 0.0;
         for frame in 0..60 {
             let is_filler = (20..50).contains(&frame);
+            let spacing_us = if is_filler { 60_300.0 } else { 62_500.0 };
             let all = times.of_frame(stamp_us, 8, is_filler).collect::<Vec<_>>();
-            assert!((all[7] - all[0] - 7.0 / 128.0 * 1e6).abs() < 1e-3, "{frame}");
-            stamp_us += if is_filler { 60_300.0 } else { 62_500.0 };
+            // The first filler still follows a frame at the usual distance.
+            let period_us = if is_filler && frame > 20 { spacing_us / 8.0 } else { 1e6 / 128.0 };
+            assert!((all[7] - all[0] - 7.0 * period_us).abs() < 1e-3, "{frame}");
+            stamp_us += spacing_us;
         }
     }
 
     #[test]
-    fn times_increase_although_the_fit_steps_back() {
-        let period_us = 1e6 / 512.0;
-        let mut times = RowTimes::new(512, StampPoint::First);
-        let mut all: Vec<f64> = Vec::new();
-        for frame in 0..20 {
-            // The stamps step back by less than a period, by more than a period, and by more than a
-            // frame.
-            let step_us = match frame {
-                5..10 => 1e3,
-                10..15 => 4e3,
-                15.. => 80e3,
-                _ => 0.0,
-            };
-            let stamp_us = f64::from(frame) * 32.0 * period_us - step_us;
-            all.extend(times.of_frame(stamp_us, 32, false));
-        }
-        let least = all.windows(2).map(|pair| pair[1] - pair[0]);
-        let least = least.fold(f64::INFINITY, f64::min);
-        assert!(least > LEAST_STEP_US - 1e-6, "{least} us");
-        // In the fifth frame after a step, the last sample has its own time again.
-        let last_us = (15.0 * 32.0 - 1.0) * period_us - 4e3;
-        assert!((all[15 * 32 - 1] - last_us).abs() < 1e-6);
-        let last_us = (20.0 * 32.0 - 1.0) * period_us - 80e3;
-        assert!((all[20 * 32 - 1] - last_us).abs() < 1e-6);
+    fn only_samples_that_would_be_early_are_moved_and_a_wrong_time_is_left_behind() {
+        let mut increasing = IncreasingTimes::default();
+        let mut apply = |times: [f64; 3]| {
+            let mut times = times.to_vec();
+            increasing.apply(&mut times);
+            times
+        };
+        assert_eq!(apply([1.0, 1.002, 1.004]), [1.0, 1.002, 1.004]);
+        // The fit has stepped back by 4 ms.
+        let moved = apply([1.002, 1.004, 1.006]);
+        assert!(1.004 < moved[0] && moved[0] < moved[1] && moved[1] < 1.004_001, "{moved:?}");
+        assert_eq!(moved[2..], [1.006]);
+        // A stamp in the future, and the right ones after it.
+        assert_eq!(apply([11.0, 11.002, 11.004]), [11.0, 11.002, 11.004]);
+        assert_eq!(apply([1.014, 1.016, 1.018]), [1.014, 1.016, 1.018]);
     }
 
     #[test]

@@ -108,17 +108,12 @@ fn cargo(words: &str) -> Command {
     cargo
 }
 
-/// Returns the environment variables that select cargo's folders for builds with other models, and
-/// clippy's driver if it has compiled this program: the crates that do not depend on the model are
-/// then compiled already.
+/// Returns the environment variables that select cargo's folders for builds with other models.
 ///
 /// # Panics
 /// When this program is not in a target folder of cargo.
-pub fn environment() -> impl Iterator<Item = (&'static str, PathBuf)> {
-    let folders = [("CARGO_BUILD_BUILD_DIR", target()), ("CARGO_TARGET_DIR", programs())];
-    let driver =
-        cfg!(clippy).then(|| ("CARGO_BUILD_RUSTC_WORKSPACE_WRAPPER", "clippy-driver".into()));
-    folders.into_iter().chain(driver)
+pub fn environment() -> [(&'static str, PathBuf); 2] {
+    [("CARGO_BUILD_BUILD_DIR", target()), ("CARGO_TARGET_DIR", programs())]
 }
 
 /// Returns cargo's folder for the programs built with other models.

@@ -47,7 +47,7 @@ pub struct Setup {
     pub lsi_hz: Option<u64>,
     /// Number of instructions that the core completes per second of virtual time; `None` for that
     /// of the board. A scenario in which the core only waits takes less real time on a slow core.
-    pub instructions_per_second: Option<u64>,
+    pub instructions_per_second: Option<NonZeroU64>,
     /// Whether the converters send a don't-care bit between the data of two chips (`Spaced`) or not
     /// (`Packed`).
     pub alignment: Alignment,
@@ -108,14 +108,17 @@ impl EmulatedBoard {
         }];
         chip.attach_spi(chain);
         chip.attach_uart(Box::new(serial));
-        let speed = setup.instructions_per_second.unwrap_or(model.facts().instructions_per_second);
+        let own = NonZeroU64::new(model.facts().instructions_per_second);
         Self {
             chip,
             model,
             image: image.path().display().to_string(),
             observer,
             cleared,
-            instructions_per_second: NonZeroU64::new(speed).expect("a speed above 0"),
+            instructions_per_second: setup
+                .instructions_per_second
+                .or(own)
+                .expect("a speed above 0"),
         }
     }
 

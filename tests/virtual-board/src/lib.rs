@@ -37,7 +37,8 @@
 //! a model, violations of the reference manual.
 //!
 //! Not modelled: cycle counts, the effects of caches and of the MPU, analogue settling, electrical
-//! levels. Every instruction takes the same time ([`Facts::instructions_per_second`]).
+//! levels. Every instruction takes the same time ([`Facts::instructions_per_second`], unless
+//! [`Setup::instructions_per_second`] sets another).
 #![deny(unsafe_code)]
 
 mod board;

@@ -7,7 +7,7 @@ use link::Counters;
 use neuro_ros::Log;
 use neuro_ros::ros1::NodeOptions;
 use tokio::sync::mpsc::Receiver;
-use tracing_subscriber::filter::Targets;
+use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::fmt::writer::{BoxMakeWriter, MakeWriterExt};
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
@@ -44,16 +44,29 @@ pub fn start(ros: &NodeOptions, level: &str) -> Result<Receiver<Log>, BridgeErro
         .log_internal_errors(false)
         .with_writer(writer);
     tracing_subscriber::registry().with(filter).with(written).with(rosout).init();
+    if !chosen.is_empty() && levels(&chosen).is_none() {
+        tracing::warn!(
+            "RUST_LOG={chosen} is not used; write a level (error, warn, info, debug, trace, off), or \
+             levels of libraries such as info,ros1=debug"
+        );
+    }
     Ok(lines)
 }
 
 /// Returns the least severe level to show of each library: the levels in [`QUIET`], overridden by
-/// those in `chosen`. `None` if `chosen` is empty or not readable.
+/// those in `chosen`, such as `info,ros1=debug`. `None` if `chosen` has no item, or one that is
+/// neither a level nor a library with a level.
 fn levels(chosen: &str) -> Option<Targets> {
-    if chosen.trim().is_empty() {
+    let items: Vec<&str> =
+        chosen.split(',').map(str::trim).filter(|item| !item.is_empty()).collect();
+    let is_readable = |item: &&str| {
+        let level = item.split_once('=').map_or(*item, |(_, level)| level);
+        !level.is_empty() && level.parse::<LevelFilter>().is_ok()
+    };
+    if items.is_empty() || !items.iter().all(is_readable) {
         return None;
     }
-    format!("{QUIET},{chosen}").parse().ok()
+    format!("{QUIET},{}", items.join(",")).parse().ok()
 }
 
 /// Logs each silence of a port (time without frames) once, even if the port is reopened several
@@ -95,14 +108,14 @@ mod tests {
 
     #[test]
     fn the_later_of_two_levels_counts_and_an_unreadable_choice_is_none() {
-        let chosen = levels("info,ros1=debug").expect("levels");
+        let chosen = levels(" info, ros1=debug,").expect("levels");
         assert!(chosen.would_enable("bridge", &Level::INFO));
         assert!(!chosen.would_enable("bridge", &Level::DEBUG));
         assert!(chosen.would_enable("ros1::node", &Level::DEBUG));
         assert!(!chosen.would_enable("rustdds::dds", &Level::WARN));
         let verbose = levels("rustdds=debug").expect("levels");
         assert!(verbose.would_enable("rustdds::dds", &Level::DEBUG));
-        for unreadable in ["", " ", "ros1=loud"] {
+        for unreadable in ["", ", ", "warning", "ros1", "ros1=", "ros1=loud", "info,loud"] {
             assert_eq!(levels(unreadable), None, "{unreadable:?}");
         }
     }

@@ -1,6 +1,7 @@
 //! Checks what a recorder of the Lab Streaming Layer has received: compares it with the recording
 //! that ROS-Neuro's recorder made at the same time, and with the board's clock.
 
+use std::ops::Range;
 use std::path::Path;
 
 use acceptance::lsl_recording::{LslRecording, LslSignal};
@@ -54,8 +55,8 @@ impl Streamed {
             "{} s from a sample to its arrival",
             self.least_delay_s
         );
-        self.check_markers(&recorded, &times);
         let runs = recorded.runs(ppm.len());
+        self.check_markers(&recorded, &times, &runs);
         let errors = runs.iter().zip(ppm).map(|(run, ppm)| {
             let period_s = 1.0 / RATE / (1.0 + f64::from(*ppm) * 1e-6);
             let samples = run.clone().filter(|sample| !recorded.is_filler(*sample));
@@ -99,7 +100,9 @@ impl Streamed {
     /// Checks that each edge of the trigger input has a marker between the samples around it, and
     /// that each beginning and end of fillers has a marker at its sample. Further markers within
     /// `times` may only repeat the level: after lost samples, the edge between two can be lost.
-    fn check_markers(&self, recorded: &Recorded, times: &[f64]) {
+    /// Before a run has settled, samples that would be earlier than the one before are moved, and
+    /// edges between them are not.
+    fn check_markers(&self, recorded: &Recorded, times: &[f64], runs: &[Range<usize>]) {
         let samples = 0..times.len();
         let fillers: Vec<bool> = samples.map(|sample| recorded.is_filler(sample)).collect();
         let trigger: Vec<bool> = recorded.trigger.iter().map(|level| *level == 1).collect();
@@ -112,11 +115,16 @@ impl Streamed {
             let of_text = self.markers.iter().filter(|(_, marker)| marker == text);
             let mut marks: Vec<f64> = of_text.map(|(time, _)| *time).collect();
             let pairs = levels.windows(2).zip(times.windows(2));
-            for (_, at) in pairs.filter(|(levels, _)| levels[0] != becomes && levels[1] == becomes)
-            {
+            let pairs = pairs.enumerate();
+            let changes =
+                pairs.filter(|(_, (levels, _))| levels[0] != becomes && levels[1] == becomes);
+            for (sample, (_, at)) in changes {
                 let [before, after] = [at[0], at[1]];
                 let from = if text.starts_with("filler") { after } else { before };
-                let near = (from - TOLERANCE_S)..(after + TOLERANCE_S);
+                let mut settled = runs.iter().map(|run| recorded.settled(run)..run.end);
+                let is_settled = settled.any(|settled| settled.contains(&sample));
+                let tolerance_s = if is_settled { TOLERANCE_S } else { UNSETTLED_TOLERANCE_S };
+                let near = (from - tolerance_s)..(after + tolerance_s);
                 let found = marks.iter().position(|mark| near.contains(mark));
                 let found = found.unwrap_or_else(|| panic!("{text} at {after}: {marks:?}"));
                 marks.swap_remove(found);

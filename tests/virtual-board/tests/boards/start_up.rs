@@ -1,5 +1,7 @@
 //! Scenarios for the start of a board, from power-on until its converters run.
 
+use std::num::NonZeroU64;
+
 use ads1299::Wiring;
 use firmware::deadlines::priority;
 use link::{Flags, ResetCause, Streams};
@@ -132,15 +134,16 @@ pub(crate) fn refuses_an_unknown_clock(subject: Subject) -> Result<(), BoardErro
 /// Time limit in us for the watchdog's reset during the start-up: 4096 counts of 32 periods of its
 /// 32 kHz oscillator, and half a second for the work before the hang.
 const START_UP_US: u64 = 4_096_000 + 500_000;
-/// Instructions per second while the core waits for the watchdog, a tenth of the board's speed: the
-/// emulator takes as long for each of them.
-const SLOW: u64 = 25_000_000;
+/// Factor by which the core is slower than the board's while it waits for the watchdog. Emulating
+/// the wait at full speed takes two minutes.
+const SLOWER: u64 = 10;
 
 /// Scenario: if USB's core hangs while it is set up, the watchdog restarts the board.
 pub(crate) fn a_hang_during_the_start_up_ends_in_a_reset(
     subject: Subject,
 ) -> Result<(), BoardError> {
-    let setup = Setup { instructions_per_second: Some(SLOW), ..subject.setup() };
+    let speed = subject.model.facts().instructions_per_second / SLOWER;
+    let setup = Setup { instructions_per_second: NonZeroU64::new(speed), ..subject.setup() };
     let mut board = power_on(subject, &setup);
     board.hold_usb(true);
     board.run_until_us(START_UP_US)?;
