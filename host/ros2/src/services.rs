@@ -28,7 +28,7 @@ const MAX_REPLY: usize = 1150;
 
 /// Time between two searches for a caller that is not found yet, and number of searches.
 const FIND_PERIOD: Duration = Duration::from_millis(50);
-const FIND_ATTEMPTS: u32 = 40;
+const FIND_ATTEMPTS: u32 = 100;
 
 /// Full names of the services of an acquisition node.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -157,7 +157,7 @@ impl<Response: Message + 'static> Service<Response> {
         }
     }
 
-    /// Waits until the node has found the caller's reader of replies, for at most 2 s. The node can
+    /// Waits until the node has found the caller's reader of replies, for at most 5 s. The node can
     /// find this reader later than the call arrives, and a reply sent before that would be lost.
     async fn wait_for(&self, caller: GUID) {
         for attempt in 0..=FIND_ATTEMPTS {
