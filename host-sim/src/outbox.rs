@@ -89,7 +89,7 @@ impl Outbox {
         self.when_full == WhenFull::DropOldest || self.wait_while(timeout, full)
     }
 
-    /// Appends a frame. With [`WhenFull::DropOldest`], drops frames older than [`MAX_AGE`] first.
+    /// Appends a frame. With [`WhenFull::DropOldest`], drops frames older than 4 s first.
     /// With [`WhenFull::Wait`], the queue can exceed its limit, so call [`Outbox::wait_for_room`]
     /// before making a frame. A closed outbox counts the frame as dropped.
     pub fn push(&self, frame: &[u8]) {

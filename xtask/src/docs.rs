@@ -88,7 +88,7 @@ fn sections() -> Result<Vec<Section>, Failure> {
     Ok(page.or_fail(file.display(), "correct the file")?.sections)
 }
 
-/// Runs the command of a section, which writes its JSON object to the file that [`object`] reads.
+/// Runs the command of a section, which writes its JSON object to the file that [`object()`] reads.
 fn measure(section: &Section) -> Result<(), Failure> {
     let mut verb = Command::new(env::current_exe().unwrap_or_default());
     attach(&mut verb, &section.command)?;

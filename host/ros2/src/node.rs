@@ -146,7 +146,7 @@ impl Ros2Node {
 }
 
 impl Drop for Ros2Node {
-    /// Waits [`LINGER`], then leaves the domain.
+    /// Waits 0.3 s, so that the last messages arrive, then leaves the domain.
     fn drop(&mut self) {
         std::thread::sleep(LINGER);
         if let Some(Thread { stop, handle }) = self.thread.take() {

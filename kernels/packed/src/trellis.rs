@@ -11,7 +11,7 @@ const STATES: usize = 4;
 /// Cost of a state that no path has reached; it is above the cost of every path.
 const UNREACHED: i32 = 1 << 29;
 
-/// Largest number of coefficients in a block. It keeps the cost of a path below [`UNREACHED`].
+/// Largest number of coefficients in a block. It keeps the cost of a path below 2^29.
 pub const MAX_COEFFICIENTS: usize = 256;
 
 /// Which path survived in each of the four states after a coefficient. Two bits per state: bit 0 is

@@ -66,8 +66,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     /// until a later call succeeds.
     ///
     /// # Timing
-    /// Call it between two samples, with enough time before the next sample for all
-    /// [`Settings::excitation_bytes`].
+    /// Call it between two samples, with enough time before the next sample to write the registers.
     pub async fn set_excitation(&mut self, channels: u8) -> Result<(), Error> {
         let settings = Settings { excited: channels, ..self.settings };
         let written =

@@ -56,16 +56,16 @@ impl ExclusionPolicy {
 
 /// Finds bad electrodes and fills them from the others, step by step.
 ///
-/// Excluded electrodes change only between two windows of [`WINDOW`] steps, but an electrode at the
+/// Excluded electrodes change only between two windows of half a second, but an electrode at the
 /// ADC's rail is excluded with that very step. While no electrode is excluded, steps pass
 /// unchanged.
 ///
 /// # Timing
-/// Whatever the signal, every step takes one product of the table with all electrodes,
-/// [`fill::SWEEPS`] sweeps over all [`MAX_EXCLUDED`] slots for excluded electrodes, and the sums of
-/// the evidence. Each excluded electrode is quantised again. A step that excludes an electrode also
-/// gathers its weights, and the last step of a window takes one judgement more. The instructions
-/// are counted by `cargo xtask bench substitution`.
+/// Whatever the signal, every step takes one product of the table with all electrodes, eight sweeps
+/// over all twelve slots for excluded electrodes, and the sums of the evidence. Each excluded
+/// electrode is quantised again. A step that excludes an electrode also gathers its weights, and
+/// the last step of a window takes one judgement more. The instructions are counted by
+/// `cargo xtask bench substitution`.
 #[derive(Clone, Debug)]
 pub struct Substitution {
     fill: Fill,

@@ -11,7 +11,7 @@ use serde_json::Value;
 use crate::process::{Process, SLACK};
 use crate::programs::programs;
 
-/// `NAME` in `NAME.out` and `NAME.err`, the output files of the bridge that [`print`] starts.
+/// `NAME` in `NAME.out` and `NAME.err`, the output files of the bridge that [`print()`] starts.
 const PRINTING: &str = "printing";
 
 /// Starts `host-sim run` with synthetic EEG and further `options`; its output goes to the files
@@ -54,7 +54,7 @@ pub fn print(folder: &Path, port: &str, options: &[&str]) -> Process {
     bridge(folder, PRINTING, &arguments)
 }
 
-/// Ends a bridge that [`print`] has started. Returns its standard output and standard error.
+/// Ends a bridge that [`print()`] has started. Returns its standard output and standard error.
 ///
 /// # Panics
 /// When the bridge does not end cleanly.

@@ -13,7 +13,7 @@ pub const SECOND: usize = 128;
 
 /// Returns the matrix that predicts each electrode from the others with the least mean squared
 /// error plus a penalty: `w_ei = -P_ei / P_ee` and `w_ee = 0`, where `P` is the inverse of the
-/// second moment with [`RIDGE`]. `None` if all electrodes are 0.
+/// second moment with 1 % of its mean variance added. `None` if all electrodes are 0.
 pub fn prediction<'t>(tracks: impl IntoIterator<Item = &'t Track>) -> Option<DMatrix<f64>> {
     let mut moment = second_moment(&tracks.into_iter().map(columns).collect::<Vec<_>>());
     let penalty = RIDGE * moment.diagonal().mean();
