@@ -149,8 +149,8 @@ pub enum Input {
     Electrodes = 0,
     /// Both inputs at mid-supply, to measure the channel's offset and noise.
     Shorted = 1,
-    /// Square wave of amplitude VREF / 2400 (1.875 mV), half a period of which is 2^20 periods of the chip's
-    /// clock, from the chip's generator (CONFIG2, data sheet section 9.6.1.3).
+    /// Square wave from the chip's generator, with an amplitude of VREF / 2400 (1.875 mV). Half a
+    /// period has 2^20 periods of the chip's clock (CONFIG2, data sheet section 9.6.1.3).
     TestSignal = 5,
 }
 
