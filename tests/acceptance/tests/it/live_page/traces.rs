@@ -4,6 +4,7 @@
 use std::time::Duration;
 
 use acceptance::browser::Browser;
+use acceptance::process::wait_for;
 
 use super::choose;
 use super::reading::{DOWN, END, HOME, LEFT, Reading};
@@ -165,10 +166,13 @@ pub(super) fn the_history_reaches_back_to_the_opening_of_the_page(
     browser.type_keys("#plot", &HOME.to_string());
     let reading = moved(browser);
     assert!(reading.us < opened + PLOT_US + LATE_US, "{}", reading.text);
-    let kept = browser.text("#kept");
-    assert!(kept.contains(" back; ") && kept.contains(" of at most 60 min"), "{kept}");
+    // The page writes what is kept when it draws.
+    let kept = || browser.text("#kept");
+    wait_for("the oldest samples", || {
+        kept().contains(" back; ") && kept().contains(" of at most 60 min")
+    });
     browser.type_keys("#plot", &END.to_string());
     let value = wire.samples[wire.at(reading.us)].values[wire.channel(&reading.label)];
     assert_eq!(reading.value, format!("{value:.3}"));
-    assert!(!browser.text("#kept").contains("back"));
+    wait_for("the newest samples", || !kept().contains("back"));
 }
