@@ -36,8 +36,8 @@ const F446_WITH_BOTH_ENCODERS: &str =
 #[rustfmt::skip]
 const SLOW_TESTS: &[&str] = &[
     // Tests that start programs or ROS, or build models of other shapes.
-    "program::", "_chain::", "live_page::", "live_session::", "other_models::", "catkin::", "closed_loop::", "debian_package::", "decoding_page::",
-    "offline_files::", "own_master::", "predictions::", "packed_loss::", "raw_forms::", "events_are_at_their_samples",
+    "program::", "_chain::", "live_page::", "live_session::", "other_models::", "catkin::", "closed_loop::",
+    "debian_package::", "decoding_page::", "offline_files::", "own_master::", "predictions::", "packed_loss::", "raw_forms::", "events_are_at_their_samples",
     "rosmaster_parity::", "real_ros::",
     // Tests that compare whole recordings with a reference, or train models.
     "streaming_equals_batch_on", "_numpy::", "packed_python::", "quantise::integer_codes",
