@@ -38,11 +38,12 @@ const SLOW_TESTS: &[&str] = &[
     // Tests that start programs or ROS, or build models of other shapes.
     "program::", "_chain::", "live_page::", "live_session::", "other_models::", "catkin::", "closed_loop::",
     "debian_package::", "decoding_page::", "node_streams::", "uploaded_model::", "calibrated_model::", "the_job_for_ci",
-    "impedances_", "few_electrodes_of_real_eeg", "filtered_eeg_equals", "the_thread_with_the_sockets", "offline_files::", "own_master::", "predictions::", "packed_loss::", "raw_forms::", "events_are_at_their_samples",
+    "impedances_", "few_electrodes_of_real_eeg", "filtered_eeg_equals", "the_thread_with_the_sockets",
+    "offline_files::", "own_master::", "predictions::", "packed_loss::", "raw_forms::", "events_are_at_their_samples",
     "rosmaster_parity::", "real_ros::",
     // Tests that compare whole recordings with a reference, or train models.
-    "an_evaluation_states", "people::", "a_packed_model_", "a_wanted_error", "streaming_equals_batch_on", "_numpy::", "packed_python::", "quantise::integer_codes",
-    "synthetic_eeg::", "crossval::", "report::",
+    "an_evaluation_states", "people::", "a_packed_model_", "a_wanted_error", "streaming_equals_batch_on",
+    "_numpy::", "packed_python::", "quantise::integer_codes", "synthetic_eeg::", "crossval::", "report::",
     // Tests that simulate minutes or hours.
     "synthetic::tests", "every_scenario_of_the_repository", "rates::stamps_follow", "codes::",
     "an_edge_is_at_most_a_row_from_its_place", "after_a_restart_at_any_phase",
