@@ -78,8 +78,8 @@ fn build(messages: &str) -> Build {
     build
 }
 
-/// Returns address and content of the flash that the segments of an ELF file fill. Gaps are 0xFF, as
-/// in erased flash.
+/// Returns address and content of the flash that the segments of an ELF file fill. Gaps are 0xFF,
+/// as in erased flash.
 fn flash_content(elf: &[u8]) -> Option<(u32, Vec<u8>)> {
     let file = ElfFile32::<LittleEndian>::parse(elf).ok()?;
     let segments = file.segments().map(|segment| {

@@ -40,7 +40,8 @@ enum Verb {
         /// programs or ROS, and install nothing
         #[arg(long)]
         fast: bool,
-        /// Run only the benchmarks on emulated microcontrollers, and build images and virtual boards
+        /// Run only the benchmarks on emulated microcontrollers, and build images and virtual
+        /// boards
         #[arg(long, conflicts_with = "fast")]
         boards: bool,
     },

@@ -18,7 +18,7 @@ use crate::{
 /// Permissions of a new file before the umask applies. `tempfile` alone would set 0o600.
 const MODE: u32 = 0o666;
 
-/// A file that is written under a temporary name. [`NewFile::finish`] gives it its final name;
+/// A file that is written under a temporary name. [`NewFile::finish`] renames it to its final name;
 /// dropping it before that deletes it.
 #[derive(Debug)]
 pub struct NewFile {

@@ -143,7 +143,7 @@ fn measure(timer_hz: u32, timer: &mut impl HseTimer) -> Option<u32> {
     for _ in 0..CAPTURES {
         let count = next();
         let interval = last.zip(count).map(|(last, count)| count.wrapping_sub(last));
-        // A missing capture gives `None`, which is less than any interval, so the result is `None`.
+        // A missing capture is `None`, which is less than any interval, so the result is `None`.
         shortest = shortest.map_or(Some(interval), |shortest| Some(interval.min(shortest)));
         last = count;
     }

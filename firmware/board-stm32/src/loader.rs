@@ -35,8 +35,8 @@ impl Loader {
         let vectors = self.vectors();
         if !take_bootloader_request() {
             // The boot loader jumps here without a reset: its interrupts, clocks and USB core are
-            // in use, and its vector table, somewhere in the system memory, stays set (AN3156, leave
-            // DFU mode).
+            // in use, and its vector table, somewhere in the system memory, stays set (AN3156,
+            // leave DFU mode).
             if scb.vtor.read() >> 20 == vectors >> 20 {
                 SCB::sys_reset();
             }

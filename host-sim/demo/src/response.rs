@@ -60,8 +60,8 @@ impl Response {
         }
     }
 
-    /// Returns, for each point of a curve, the frequency in Hz, and the magnitude of the filters and
-    /// of the twin at this frequency in dB.
+    /// Returns, for each point of a curve, the frequency in Hz, and the magnitude of the filters
+    /// and of the twin at this frequency in dB.
     fn compare(&self, [first, last]: [f64; 2]) -> Vec<[f64; 3]> {
         let parts = (0..=POINTS).map(|point| f64::from(point) / f64::from(POINTS));
         let mut frequencies: Vec<f64> =

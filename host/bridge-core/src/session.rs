@@ -650,7 +650,7 @@ impl Session {
             return;
         };
         self.commands.stream_received(at.read.monotonic_us);
-        // The clock is fitted to features only if no other stream gives the time of each hop.
+        // The clock is fitted to features only if no other stream has the time of each hop.
         let streams = self.commands.streams();
         let has_hops = streams.contains(Streams::CODES) || streams.contains(Streams::PACKED);
         let trusted = if has_hops && self.clock.is_known() {

@@ -107,7 +107,7 @@ impl fmt::Display for Report {
 /// Free disk space below which the check warns, bytes: two hours of all streams, at 8 MB a minute.
 const LEAST_SPACE: u64 = 120 * 8_000_000;
 
-/// Checks that liblsl could be loaded; `library` is the description that liblsl gives of itself.
+/// Checks that liblsl could be loaded; `library` is liblsl's description of itself.
 pub(crate) fn check_lsl(library: Result<String, LibraryError>) -> Check {
     const NAME: &str = "lsl";
     match library {

@@ -4,8 +4,8 @@
 //! file .dfu ──► check ──► device: Hello, Reset ──► loader: erase, write, compare, leave ──► Hello
 //! ```
 //!
-//! [`update`] is this flow. It reaches the device and the loaders through a [`Machine`], which tests
-//! simulate.
+//! [`update`] is this flow. It reaches the device and the loaders through a [`Machine`], which
+//! tests simulate.
 
 pub(crate) mod flash_layout;
 pub(crate) mod programmer;

@@ -94,8 +94,9 @@ impl RowTimes {
 
 /// Makes the times of a stream's samples increase, as recorders expect.
 ///
-/// While the fit of the device's clock settles, it can step back by more than a sample's period. The
-/// first samples of the next frame would then be earlier than the last ones of the previous frame.
+/// While the fit of the device's clock settles, it can step back by more than a sample's period.
+/// The first samples of the next frame would then be earlier than the last ones of the previous
+/// frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct IncreasingTimes {
     newest_s: Option<f64>,

@@ -15,8 +15,8 @@ impl Clock {
     /// 2.048 MHz, for 250, 500 or 1000 samples per second.
     pub const DECIMAL: Self = Self::crystal(2_048_000);
 
-    /// Oscillator inside a chip (CLKSEL high), 2.048 MHz within 2.5 % from -40 to 85 degC, and 0.5 %
-    /// at 25 degC (data sheet section 7.5).
+    /// Oscillator inside a chip (CLKSEL high), 2.048 MHz within 2.5 % from -40 to 85 degC, and
+    /// within 0.5 % at 25 degC (data sheet section 7.5).
     pub const INTERNAL: Self = Self { hz: 2_048_000, tolerance_ppm: 25_000 };
 
     /// Slowest clock that the data sheet permits: a period of 666 ns (section 7.6). The driver

@@ -12,8 +12,8 @@ use crate::sampler::{SILENCE, Sampler};
 #[cfg(any(test, feature = "impedance"))]
 use crate::settings::Settings;
 
-/// Time that a byte takes in [`RetryingSampler::switch_excitation`], in microseconds: its clocks, the
-/// wait after it and the start of the transfer (estimated).
+/// Time that a byte takes in [`RetryingSampler::switch_excitation`], in microseconds: its clocks,
+/// the wait after it and the start of the transfer (estimated).
 #[cfg(any(test, feature = "impedance"))]
 const BYTE_US: u64 = 18;
 
@@ -132,8 +132,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         (reading, DrdyEdge { us, missed })
     }
 
-    /// Sets [`Settings::excited`] to `channels` if it has another value, unless a sample is due soon
-    /// or the chain is being brought up; call it before every [`Self::next`].
+    /// Sets [`Settings::excited`] to `channels` if it has another value, unless a sample is due
+    /// soon or the chain is being brought up; call it before every [`Self::next`].
     ///
     /// # Timing
     /// As [`Sampler::set_excitation`], which fits between two samples.

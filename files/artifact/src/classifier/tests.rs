@@ -78,7 +78,7 @@ fn a_decision_is_the_softmax_of_the_mean_energy_over_the_window() {
     assert!((prediction.probabilities[1] - 2.5 / 3.5).abs() < 1e-6);
     assert!(prediction.is_settled);
     assert_eq!(prediction.class(), 1);
-    // The first hop has left the window of two hops. The window now holds 2^22 twice, which gives
+    // The first hop has left the window of two hops. The window now holds 2^22 twice: this is
     // odds of 4.
     assert!((decision.add_hop(&[96]).probabilities[1] - 0.8).abs() < 1e-6);
 }

@@ -178,7 +178,7 @@ impl HopTimeline {
 
     /// Returns the places of the missing items directly before the received item `index`, oldest
     /// first and at most `max_fillers`, followed by the place of the received item. The device made
-    /// the received item at `reception.device_us`; if this is `None`, the index gives the time.
+    /// the received item at `reception.device_us`; if `None`, the time follows from the index.
     pub(crate) fn receive(
         &mut self,
         index: u32,

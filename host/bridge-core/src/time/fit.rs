@@ -13,7 +13,7 @@
 //! * **Line.** Of all lines below the points, the line with the least mean distance to them is the
 //!   edge of their lower convex hull at the middle of the points (Moon, Skelly and Towsley, INFOCOM
 //!   1999). It is computed for all blocks, and for those of the newest 64 s and 24 s.
-//! * **Change of rate.** The longest history gives the most exact line while the clocks' rates are
+//! * **Change of rate.** The longest history yields the most exact line while the clocks' rates are
 //!   constant. After a change, the line of a shorter history lies higher at the newest points. If
 //!   it lies higher by more than the spread of the points explains, the 64 s line replaces the
 //!   longer line, whereas the 24 s line only raises the offset of the chosen line (O. Lepski's
@@ -40,7 +40,7 @@ const MIN_BLOCKS: usize = 8;
 /// rate changes by 3.3 ppm/s (200 ppm a minute), a line over 24 s is off by up to 0.24 ms.
 const SHORTER_US: [f64; 2] = [64e6, 24e6];
 /// Shortest history whose line sets the drift, microseconds. If the host reads every 16 ms with 4
-/// ms of jitter, a line over 64 s gives the drift to within 12 ppm, a line over 24 s only to within
+/// ms of jitter, a line over 64 s has the drift to within 12 ppm, a line over 24 s only to within
 /// 65 ppm.
 const DRIFT_SPAN_US: f64 = 64e6;
 /// Duration of a group of blocks, microseconds. The spread is computed from the least delay of each

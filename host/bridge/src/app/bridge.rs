@@ -135,7 +135,8 @@ impl Publication {
     /// Publishes the streams of a device through a ROS node until a signal (such as SIGTERM), a
     /// call of `~quit` or `rosnode kill` ends the program. Then stops the device and unregisters
     /// the node. `connect` is called when the node has started, and returns the connection to the
-    /// device. `log` yields the lines for `/rosout`. With a `page`, the streams are shown there too.
+    /// device. `log` yields the lines for `/rosout`. With a `page`, the streams are shown there
+    /// too.
     ///
     /// # Errors
     ///

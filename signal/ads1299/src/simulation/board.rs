@@ -276,7 +276,8 @@ impl<const CHIPS: usize> Board<CHIPS> {
         self.miso.read(answer, f64::from(ohms), others, sclk_hz)
     }
 
-    /// Returns the byte at the DOUT of chip `first`, through which `chips` chips send their samples.
+    /// Returns the byte at the DOUT of chip `first`, through which `chips` chips send their
+    /// samples.
     fn answer(&mut self, first: usize, chips: usize) -> u8 {
         let chip = &self.chips[first];
         if chip.is_dead() || self.powered_ns.is_none() {

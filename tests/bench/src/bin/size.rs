@@ -1,6 +1,6 @@
 //! Image that contains only the acquisition, the substitution of bad electrodes and the encoder or,
-//! with the feature `packed`, the packed encoder. Its size is the flash that they need, and it links
-//! only if no path through them panics or allocates.
+//! with the feature `packed`, the packed encoder. Its size is the flash that they need, and it
+//! links only if no path through them panics or allocates.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
